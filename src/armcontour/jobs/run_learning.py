@@ -19,7 +19,7 @@ from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.execution import describe_excess
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_errors import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,7 +123,7 @@ def measured_pieces(
         demand_range=zeros[:2],
         saturated_time=zeros[0],
     )
-    return pieces_of(executed, plan.path, plan.objective, plan.trajectory.duration)
+    return split_by_contour(executed, plan.path, plan.objective, plan.trajectory.duration)
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:

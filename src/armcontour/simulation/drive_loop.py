@@ -108,6 +108,7 @@ def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
     """Generate a call of `function(model, data)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        """Write the machine code of the call."""
         kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER])
         called = builder.inttoptr(args[0], kind.as_pointer())
         builder.call(called, [builder.inttoptr(x, POINTER) for x in args[1:]])
@@ -121,11 +122,12 @@ def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) ->
     """Generate a call of `mj_rne(model, data, 0, result)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        whole = ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, whole, POINTER])
+        """Write the machine code of the call."""
+        int32 = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, int32, POINTER])
         called = builder.inttoptr(args[0], kind.as_pointer())
         model, data, result = (builder.inttoptr(x, POINTER) for x in args[1:])
-        builder.call(called, [model, data, whole(0), result])
+        builder.call(called, [model, data, int32(0), result])
         return context.get_dummy_value()
 
     return types.void(function, model, data, result), generate

@@ -63,7 +63,11 @@ def function_addresses() -> Functions:
 
 
 def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
-    """Build the MuJoCo model of a chain; its payload becomes part of the last link."""
+    """Build the MuJoCo model of a chain; its payload becomes part of the last link.
+
+    - `step`: integration step [s].
+    - `friction`: whether the joints have viscous and dry friction.
+    """
     if chain.positioner is not None:
         raise InvalidInput(
             "A rigid-body plant cannot simulate a positioner. Remove arm.positioner, or the "
@@ -97,12 +101,12 @@ def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     set_step(model, step)
     # Joints without inertia are detected while every joint has an additional inertia, because
     # MuJoCo would otherwise write a warning to a file.
-    for extra in (1.0, 0.0):
-        model.dof_armature[:] = extra + np.asarray(chain.armature)
+    for added_inertia in (1.0, 0.0):
+        model.dof_armature[:] = added_inertia + np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        if extra:
-            still = np.zeros(len(chain))
-            _check_inertia(chain, mass_matrix(model, still) - extra * np.eye(model.nv))
+        if added_inertia:
+            q = np.zeros(len(chain))
+            _check_inertia(chain, mass_matrix(model, q) - added_inertia * np.eye(model.nv))
     return model
 
 
@@ -121,7 +125,10 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
 
 
 def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
-    """Return the mass matrices, (k, dof, dof), at several positions of the links, (k, dof)."""
+    """Return the mass matrices at k positions of the links [kg m²], (k, dof, dof).
+
+    - `q`: positions of the links [rad], (k, dof).
+    """
     mujoco = import_mujoco()
     # One state is used for all positions, because allocating it takes longer than a matrix.
     data = mujoco.MjData(model)
@@ -229,8 +236,8 @@ def count_parts(
         ExecutionError: A rate is too fast.
     """
     largest = 1
-    looks = spread_indices(len(set_points.q), MAX_CHECKS)
-    for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
+    checked = spread_indices(len(set_points.q), MAX_CHECKS)
+    for i, mass in zip(checked, mass_matrices(model, set_points.q[checked]), strict=True):
         t = float(set_points.start_time + i * set_points.cycle)
         rates = np.linalg.eigvals(np.linalg.solve(mass, np.diag(viscous)))
         parts = int(np.ceil(np.abs(rates).max() * step / MAX_DAMPING_PER_STEP))
@@ -245,8 +252,9 @@ def count_parts(
                 allowed=float(MAX_INTEGRATION_STEPS),
             )
         largest = max(largest, parts)
-        rate = np.sqrt(loop)
-        values, vectors = np.linalg.eigh(rate[:, None] * np.linalg.inv(mass) * rate)
+        # K^½ M⁻¹ K^½ is symmetric and has the eigenvalues of M⁻¹ K.
+        root = np.sqrt(loop)
+        values, vectors = np.linalg.eigh(root[:, None] * np.linalg.inv(mass) * root)
         fastest = float(values[-1])
         if fastest * step >= 2:
             j = int(np.argmax(np.abs(vectors[:, -1])))

@@ -97,11 +97,11 @@ class LimitedPlant(Immutable, Plant):
         planned = set_points.trajectory.limits
         if planned is None:
             return self
-        other = copy(self)
-        del vars(other)["_frozen"]
-        other._set_saturation(planned)
-        other._freeze()
-        return other
+        plant = copy(self)
+        del vars(plant)["_frozen"]
+        plant._set_saturation(planned)
+        plant._freeze()
+        return plant
 
 
 @checked
@@ -294,13 +294,13 @@ class ServoPlant(LimitedPlant):
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points with the limits that `for_plan` has chosen."""
         steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
-        runs, unsettled = self._until_rest(set_points, steps)
+        motions, unsettled = self._until_rest(set_points, steps)
         start = np.zeros((self.arm.dof, 1, 3))
         start[:, 0, 0] = set_points.q[0]
-        states = np.concatenate([start, *(x.states for x in runs)], axis=1)
+        states = np.concatenate([start, *(x.states for x in motions)], axis=1)
         q, dq, demand = (np.ascontiguousarray(states[:, :, i].T) for i in range(3))
-        lowest = np.min([x.lowest for x in runs], 0)
-        highest = np.max([x.highest for x in runs], 0)
+        lowest = np.min([x.lowest for x in motions], 0)
+        highest = np.max([x.highest for x in motions], 0)
         return Execution(
             arm=self.arm,
             set_points=set_points,
@@ -310,7 +310,7 @@ class ServoPlant(LimitedPlant):
             ddq=np.clip(demand, self.lower, self.acceleration),
             demand=demand,
             demand_range=np.stack([lowest, highest]),
-            saturated_time=np.sum([x.saturated for x in runs], axis=0),
+            saturated_time=np.sum([x.saturated for x in motions], axis=0),
             unsettled=unsettled,
             model_error=self.servo.model_error,
             plant=self,
@@ -328,6 +328,7 @@ class ServoPlant(LimitedPlant):
         """
         motion = executed
         set_points = executed.set_points
+        # Results per cycle, and the time between results.
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
         width = set_points.cycle / steps
         demand = np.stack([motion.demand[indices], motion.demand[indices + 1]])
@@ -376,25 +377,29 @@ class ServoPlant(LimitedPlant):
     def _until_rest(
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[JointMotions], FloatArray | None]:
-        """Simulate until the joints rest; return successive parts and `Execution.unsettled`."""
+        """Simulate until the joints rest; return successive parts and `Execution.unsettled`.
+
+        - `steps`: number of results per cycle.
+        """
         cycle = set_points.cycle
         simulation = ServoSimulation(
             set_points.q, cycle, self.servo, self.lower, self.acceleration, steps=steps
         )
-        first = set_points.q[0]
+        start = set_points.q[0]
         last = set_points.q[-1]
-        done = count_intervals(set_points, self.servo)
-        runs = [simulation.run(0, done, first, np.zeros_like(first))]
-        longest = done + int(np.ceil(LONGEST_SETTLING / cycle))
+        # Number of cycles that have been simulated.
+        count = count_intervals(set_points, self.servo)
+        motions = [simulation.run(0, count, start, np.zeros_like(start))]
+        longest = count + int(np.ceil(LONGEST_SETTLING / cycle))
         chunk = int(np.ceil(REST_CHUNK / cycle))
-        q, dq = (runs[0].states[:, -1, :2].T if done else np.stack([first, 0.0 * first])).copy()
+        q, dq = (motions[0].states[:, -1, :2].T if count else np.stack([start, 0.0 * start])).copy()
         while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
-            if done > longest:
-                return runs, np.abs(q - last)
-            runs.append(simulation.run(done, done + chunk, q, dq, runs[-1].held))
-            q, dq = runs[-1].states[:, -1, :2].T.copy()
-            done += chunk
-        return runs, None
+            if count > longest:
+                return motions, np.abs(q - last)
+            motions.append(simulation.run(count, count + chunk, q, dq, motions[-1].held))
+            q, dq = motions[-1].states[:, -1, :2].T.copy()
+            count += chunk
+        return motions, None
 
 
 def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits) -> str:

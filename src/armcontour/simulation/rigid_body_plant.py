@@ -191,7 +191,7 @@ class RigidBodyPlant(LimitedPlant):
         """Execute set-points with the limits that `for_plan` has chosen."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
-        every = _steps_per_result(steps, span, resolution)
+        stride = _steps_per_result(steps, span, resolution)
         robot = _Robot(self, span, set_points)
         loop = self.nominal_inertia * self.kv
         viscous = np.asarray(self.chain.viscous)
@@ -207,28 +207,33 @@ class RigidBodyPlant(LimitedPlant):
             commands = sample_command(pieces, cycle, servo.dead_time, t)
             # Acceleration feed-forward bypasses the integrators.
             integrated = commands - sample_command(pieces[:, :, 4:], cycle, servo.dead_time, t)
-            logs.append(robot.advance(commands, integrated).thinned(every))
-        logs += self._come_to_rest(robot, set_points, steps, every)
-        return self._execution(set_points, logs, span * every)
+            logs.append(robot.advance(commands, integrated).thinned(stride))
+        logs += self._come_to_rest(robot, set_points, steps, stride)
+        return self._execution(set_points, logs, span * stride)
 
     def _come_to_rest(
-        self, robot: _Robot, set_points: SetPoints, steps: int, every: int
+        self, robot: _Robot, set_points: SetPoints, steps: int, stride: int
     ) -> list[_DriveRecord]:
-        """Simulate after the last set-point until all joints rest; return the records."""
+        """Simulate after the last set-point until all joints rest; return the records.
+
+        - `steps`: steps of the drives per cycle.
+        - `stride`: steps of the drives per result.
+        """
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
-        begin = robot.now
-        longest = longest_settling(begin - set_points.start_time)
+        last_time = robot.time
+        longest = longest_settling(last_time - set_points.start_time)
         logs = []
-        while robot.now - begin <= longest:
+        while robot.time - last_time <= longest:
             log = robot.advance(commands, commands)
-            logs.append(log.thinned(every))
-            moved = log.moved(robot.step)
-            if (moved <= RIGID_REST_RANGE + RIGID_REST_DEVIATIONS * self.noise).all():
-                self._check_strength(log, set_points.q[-1], robot.now)
+            logs.append(log.thinned(stride))
+            ranges = log.motion_ranges(robot.step)
+            if (ranges <= RIGID_REST_RANGE + RIGID_REST_DEVIATIONS * self.noise).all():
+                self._check_strength(log, set_points.q[-1], robot.time)
                 return logs
-        j = int(np.argmax(moved))
+        j = int(np.argmax(ranges))
         offset = abs(float(log.q[-1, j] - set_points.q[-1, j]))
+        waited = robot.time - last_time
         unit = self.chain.unit("rad", j)
         missing = (
             " The inertia of its drive (armature) is missing."
@@ -236,16 +241,20 @@ class RigidBodyPlant(LimitedPlant):
             else ""
         )
         raise ExecutionError(
-            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point. It "
-            f"moves by {moved[j]:.3g} {unit} in {window:.3g} s, {offset:.3g} {unit} from the "
+            f"Joint {j + 1} is not at rest {waited:.3g} s after its last set-point. "
+            f"It moves by {ranges[j]:.3g} {unit} in {window:.3g} s, {offset:.3g} {unit} from the "
             "set-point. With its servo gains, torque limit and friction, the joint does not "
             f"settle.{missing}",
-            t=robot.now,
+            t=robot.time,
             joint=j,
         )
 
-    def _check_strength(self, log: _DriveRecord, last: FloatArray, now: float) -> None:
-        """Refuse a drive that is saturated all the time while the joints rest."""
+    def _check_strength(self, log: _DriveRecord, last: FloatArray, t: float) -> None:
+        """Refuse a drive that is saturated all the time while the joints rest.
+
+        - `last`: last set-point [rad], (dof,).
+        - `t`: time for the error [s].
+        """
         weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -257,7 +266,7 @@ class RigidBodyPlant(LimitedPlant):
             f"Joint {j + 1} rests {abs(offset[j]):.3g} {unit} from its last set-point, because its "
             f"servo requires {needed:.4g} {force}, but the torque limit of its drive is "
             f"{allowed:.4g} {force}. Increase the torque limit or reduce the load.",
-            t=now,
+            t=t,
             joint=j,
             limit="joint_torque",
             needed=needed,
@@ -265,7 +274,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _execution(self, set_points: SetPoints, logs: list[_DriveRecord], span: float) -> Execution:
-        """Join consecutive records, with `span` between results [s], to an execution."""
+        """Join consecutive records to an execution; `span` is the time between results [s]."""
         columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in RECORD_FIELDS}
         return Execution(
             arm=self.arm,
@@ -327,16 +336,16 @@ class _DriveRecord:
             saturated=(torque_demand != torque).sum(axis=0) * step,
         )
 
-    def moved(self, step: float) -> FloatArray:
+    def motion_ranges(self, step: float) -> FloatArray:
         """Return each joint's range of motion, also within steps [rad], (dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
-    def thinned(self, every: int) -> _DriveRecord:
-        """Keep every `every`-th step, so that the memory of the other steps can be freed."""
+    def thinned(self, stride: int) -> _DriveRecord:
+        """Keep every `stride`-th step, so that the memory of the other steps can be freed."""
         return _DriveRecord(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{name: getattr(self, name)[::every].copy() for name in RECORD_FIELDS},
+            **{name: getattr(self, name)[::stride].copy() for name in RECORD_FIELDS},
         )
 
 
@@ -379,8 +388,8 @@ class _Robot:
         )
 
     @property
-    def now(self) -> float:
-        """Simulated time, in the time of the plan [s]."""
+    def time(self) -> float:
+        """Current simulated time on the clock of the plan [s]."""
         return self.start + self.steps * self.step
 
     def refine(self, parts: int) -> None:
@@ -417,22 +426,25 @@ class _Robot:
         return _DriveRecord.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Find rest positions [rad] and the loops' torques at rest [N m], (dof,) each."""
-        # The command is the first set-point. The integrator, or without it the position loop,
+        """Find rest positions [rad] and the loops' torques at rest [N m], (dof,) each.
+
+        - `first`: first set-point [rad], (dof,).
+        """
+        # The integrator, or without it the position loop,
         # compensates the weight that is not fed forward.
         plant = self.plant
         q = first
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
         for _ in range(MAX_EQUILIBRIUM_ITERATIONS):
-            weight, fed = self._weight(q)
+            weight, fed_forward = self._weight(q)
             before = q
-            q = first - (weight - fed) / gain
-            moved = np.abs(q - before)
-            if moved.max() <= EQUILIBRIUM_TOLERANCE:
+            q = first - (weight - fed_forward) / gain
+            change = np.abs(q - before)
+            if change.max() <= EQUILIBRIUM_TOLERANCE:
                 break
         else:
-            j = int(np.argmax(moved))
+            j = int(np.argmax(change))
             raise ExecutionError(
                 f"Joint {j + 1} has no equilibrium near its first set-point, because its servo "
                 "gains are too low for the weight that gravity feed-forward does not compensate. "
@@ -441,7 +453,7 @@ class _Robot:
                 joint=j,
             )
         location = "the first set-point"
-        torque = weight - fed
+        torque = weight - fed_forward
         if plant._gravity_added and plant.gravity_feedforward:
             weight = torque
             location = f"{location}, in addition to gravity feed-forward"
@@ -457,7 +469,7 @@ class _Robot:
         return weight, mujoco_model.gravity_torques(*controller, q)
 
     def _raise_runaway(self, k: int) -> None:
-        """Raise the error for a joint that is faster than `RUNAWAY_SPEED` in step k."""
+        """Raise the error for a joint that is faster than `RUNAWAY_SPEED` in step k of a call."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         speed = velocity[j]
@@ -511,14 +523,20 @@ def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArr
             "differ. Specify one value of joint_acceleration per joint, or joint_torque."
         )
     lower, upper = (np.clip(x, -np.pi, np.pi) for x in arm_limits.joint_range(dof))
-    shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
+    # Positions in the joint ranges, as fractions of the ranges.
+    fractions = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
     model = mujoco_model.build_model(chain.replace(payload=None), DEFAULT_STEP, friction=False)
-    matrices = np.abs(mujoco_model.mass_matrices(model, lower + shares * (upper - lower)))
+    matrices = np.abs(mujoco_model.mass_matrices(model, lower + fractions * (upper - lower)))
     return np.asarray(np.max([x @ fastest for x in matrices], axis=0))
 
 
 def _steps_per_result(steps: int, span: float, resolution: float) -> int:
-    """Return the steps per result: the largest divisor of `steps` within the resolution."""
+    """Return the steps per result: the largest divisor of `steps` within the resolution.
+
+    - `steps`: steps of the drives per cycle.
+    - `span`: duration of a step [s].
+    - `resolution`: largest time between two results [s].
+    """
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(
             f"The step of the rigid-body plant must be at most the resolution of {resolution:.4g} "

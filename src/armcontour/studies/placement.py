@@ -102,7 +102,7 @@ class Placement(Result):
 
     @checked
     def placed(self, place: Place | None = None) -> Job:
-        """The job with its part or base at a place.
+        """Return the job with its part or base at a place.
 
         Args:
             place: A place; by default the best one.
@@ -117,7 +117,7 @@ class Placement(Result):
 
     @checked
     def to_data(self) -> Data:
-        """Data of the best place and the job's own place, and the numbers of refusals."""
+        """Return data of the best place and the job's own place, and the numbers of refusals."""
         best = self.best
         rows = list[Row]()
         compared = {"best": ("best place", best), "own_place": ("the job's own place", self.own)}
@@ -198,11 +198,11 @@ def place(
     values = product(*(x.tolist() for x in axes.values()))
     grid_values = [dict(zip(names, x, strict=True)) for x in values]
 
-    def done(count: int) -> None:
+    def report_count(count: int) -> None:
         report(Step((f"{count} of {len(grid_values)}",), count / len(grid_values)))
 
     places = map_in_processes(
-        planner, grid_values, processes=processes, executor=executor, done=done
+        planner, grid_values, processes=processes, executor=executor, done=report_count
     )
     return Placement(
         job=job,
@@ -224,6 +224,7 @@ class _Planner:
     about: FloatArray
 
     def __call__(self, values: Mapping[str, float]) -> Place:
+        """Plan the job at displacements by axis [m, rad]; return the place with the result."""
         try:
             job = place_job(self.job, displacement(values, self.about), self.moved)
             planned = plan_one(job, job.runs[0])
@@ -252,7 +253,7 @@ def _read_grid(grid: Mapping[str, Any], dimension: int) -> dict[str, FloatArray]
 
 
 def _center(job: Job, moved: str) -> FloatArray:
-    """Centre of yaw [m], (3,): the origin of the base, or the middle of the part's contours."""
+    """Return the centre of yaw [m], (3,): the base's origin, or the middle of the contours."""
     middle = np.zeros(3)
     if moved == BASE:
         return job.arm.chain.base.position if isinstance(job.arm, SerialArm) else middle
@@ -265,14 +266,14 @@ def _center(job: Job, moved: str) -> FloatArray:
 
 
 def displacement(values: Mapping[str, float], about: FloatArray) -> Frame:
-    """Displacement along axes [m, rad], with yaw about a point [m], (3,)."""
-    turned = exp(np.array([0.0, 0.0, values.get("yaw", 0.0)]))
+    """Return the displacement along axes [m, rad], with yaw about a point [m], (3,)."""
+    rotation = exp(np.array([0.0, 0.0, values.get("yaw", 0.0)]))
     shift = np.array([values.get(x, 0.0) for x in ("x", "y", "z")])
-    return Frame(position=about + shift - turned @ about, rotation=turned)
+    return Frame(position=about + shift - rotation @ about, rotation=rotation)
 
 
 def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
-    """Copy of a job with its part, or the base of its arm, moved.
+    """Copy a job, with its part or the base of its arm moved.
 
     For an arm in space, the work frame is moved; for an arm in the plane, the path is moved.
 
@@ -296,7 +297,10 @@ def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
 
 
 def _place_obstacle(obstacle: Obstacle, job: Job, frame: Frame, moved: str) -> Obstacle:
-    """The obstacle in the frame of the base, after a displacement of part or base."""
+    """Place an obstacle in the frame of the base, after a displacement of part or base.
+
+    - `frame`, `moved`: as for `place_job`.
+    """
     if obstacle.fixed_to == PART:
         # The obstacle is defined in the work frame, which is moved with the part.
         if isinstance(job.arm, SerialArm):

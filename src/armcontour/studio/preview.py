@@ -46,7 +46,7 @@ from armcontour.robot.scene import Scene
 from armcontour.studio.plan_frames import Preview, Tier
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile
-from armcontour.verification.contour_errors import ContourExecution, pieces_of, settling_time
+from armcontour.verification.contour_errors import ContourExecution, settling_time, split_by_contour
 
 # Maximum duration of a simulated motion times the number of joints [s], so that the simulation
 # takes seconds and 150 MB.
@@ -92,7 +92,9 @@ class PreviewExecution:
         cls, planned: Preview, execution: Execution, judged_errors: Mapping[str, Errors]
     ) -> PreviewExecution:
         """Compute the contour errors of an execution over time."""
-        pieces = tuple(pieces_of(execution, planned.path, planned.objective, planned.run.end_time))
+        pieces = tuple(
+            split_by_contour(execution, planned.path, planned.objective, planned.run.end_time)
+        )
         return cls(
             planned=planned,
             execution=execution,

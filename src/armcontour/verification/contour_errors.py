@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
@@ -49,34 +49,37 @@ class ContourExecution:
     executed: Execution
     path: Path  # Path that the tool should follow
     objective: Path | None  # Path before rounding; None if unknown
-    which: slice  # Samples of the piece
+    samples: slice  # Indices of the samples of the piece
     end_time: float  # End of the piece [s]
-    beyond: int  # Index after the last sample at which the tool may be on the path
+    # First sample of the next contour: before it, the tool may still be on this path.
+    next_start: int
     work: tuple[float, float]  # Arc lengths between which the coverage error is evaluated [m]
     # The range `work` on the objective path [m]; None if the objective is unknown.
-    before_work: tuple[float, float] | None = None
+    objective_work: tuple[float, float] | None = None
     offset: float = 0.0  # Length of the previous contours [m], added to arc lengths
-    since: float | None = None  # Start of the piece [s]; by default the time of its first sample
+    start_time: float | None = (
+        None  # Start of the piece [s]; by default the time of its first sample
+    )
     # End of the RMS interval [s]; by default `end_time`.
     rms_end_time: float | None = None
 
     @cached_property
     def t(self) -> FloatArray:
         """Times [s], (n,)."""
-        return self.executed.t[self.which]
+        return self.executed.t[self.samples]
 
     @cached_property
     def q(self) -> FloatArray:
         """Joint positions [rad], (n, dof)."""
-        return self.executed.q[self.which]
+        return self.executed.q[self.samples]
 
     @cached_property
     def _around(self) -> tuple[FloatArray, slice]:
-        """Tool points from before the piece to `beyond` [m], and the slice of the piece in them."""
+        """Tool points from before the piece to the next piece [m], and the slice of the piece."""
         # The piece begins between the sample before it and its first sample.
-        first = max(self.which.start - 1, 0)
-        points = self.executed.arm.tool_position(self.executed.q[first : self.beyond])
-        return points, slice(self.which.start - first, self.which.stop - first)
+        before = max(self.samples.start - 1, 0)
+        points = self.executed.arm.tool_position(self.executed.q[before : self.next_start])
+        return points, slice(self.samples.start - before, self.samples.stop - before)
 
     @property
     def tool(self) -> FloatArray:
@@ -87,7 +90,7 @@ class ContourExecution:
     @cached_property
     def speed(self) -> FloatArray:
         """Tool speed [m/s], (n,)."""
-        velocity = self.executed.arm.tool_velocity(self.q, self.executed.dq[self.which])
+        velocity = self.executed.arm.tool_velocity(self.q, self.executed.dq[self.samples])
         return length(velocity)
 
     @cached_property
@@ -103,7 +106,7 @@ class ContourExecution:
     @cached_property
     def followed_objective(self) -> Followed | None:
         """Path points of the samples on the objective path; None if the objective is unknown."""
-        return None if self.objective is None else self._follow(self.objective, self.before_work)
+        return None if self.objective is None else self._follow(self.objective, self.objective_work)
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
         """Determine the path points of the samples on a path."""
@@ -124,11 +127,11 @@ class ContourExecution:
         return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
 
     def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
-        """Ratios of the tool speed to the assigned velocity, (n,); see `measure_speed_ratios`."""
+        """Return tool speed / assigned velocity, (n,); arguments as of `measure_speed_ratios`."""
         return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
     def tracking_error(self) -> ErrorProfile:
-        """Profile of the distance to the planned position at the same time [m]."""
+        """Return the profile of the distance to the planned position at the same time [m]."""
         trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
         distance = length(self.tool - self.executed.arm.tool_position(planned))
@@ -141,9 +144,8 @@ class ContourExecution:
         if model_error is None:
             return None
         tangent = self.path(self.followed.s, 1)
-        both = unexplained_errors(self.executed.arm, self.q, tangent, model_error)
-        along, across = (float(x.max()) for x in both)
-        return along, across
+        along, across = unexplained_errors(self.executed.arm, self.q, tangent, model_error)
+        return float(along.max()), float(across.max())
 
     @cached_property
     def objective_error(self) -> ErrorProfile | None:
@@ -158,17 +160,17 @@ class ContourExecution:
         error = self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
-        work = self.before_work or (0.0, self.objective.length)
+        work = self.objective_work or (0.0, self.objective.length)
         return self._find_coverage_error(self.objective, work, followed, error)
 
     @property
     def drawing_error(self) -> ErrorProfile | Coverage | None:
         """The larger of `objective_error` and `objective_coverage_error`; None if unknown."""
-        there = self.objective_error
-        back = self.objective_coverage_error
-        if there is None or back is None:
+        error = self.objective_error
+        coverage = self.objective_coverage_error
+        if error is None or coverage is None:
             return None
-        return there if there.max >= back.max else back
+        return error if error.max >= coverage.max else coverage
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -179,6 +181,7 @@ class ContourExecution:
             return None
 
         def measure(i: int, t: FloatArray) -> Errors | None:
+            """Return errors and arc lengths at times after sample i, (n,) each."""
             q = self._between(i, t)
             if q is None:
                 return None
@@ -213,23 +216,31 @@ class ContourExecution:
         best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
         # The intervals before and after each sample.
         i = np.clip(indices + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
-        fine = self.executed.between(np.unique(i) + self.which.start)
+        fine = self.executed.between(np.unique(i) + self.samples.start)
         if fine is None:
             return best
 
+        # `maximize_smooth` has a row per interval, and `function` a row per sample, with the times
+        # of both intervals.
         def measure(t: FloatArray) -> FloatArray:
-            both = t.reshape(2, m, -1).swapaxes(0, 1).reshape(m, -1)
-            tool = self.executed.arm.tool_position(fine(both.ravel()))
-            values = np.asarray(function(tool.reshape(*both.shape, -1)))
+            """Return the values at times in each interval, (2 m, n)."""
+            times = t.reshape(2, m, -1).swapaxes(0, 1).reshape(m, -1)
+            tool = self.executed.arm.tool_position(fine(times.ravel()))
+            values = np.asarray(function(tool.reshape(*times.shape, -1)))
             return values.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
-        top = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
-        return np.asarray(np.maximum(best, top))
+        largest = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
+        return np.asarray(np.maximum(best, largest))
 
     def _find_coverage_error(
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
     ) -> Coverage:
-        """Coverage error: the point of a path within `work` farthest from the tool."""
+        """Find the point of a path within `work` that is farthest from the tool.
+
+        - `work`: arc lengths between which the point may be [m].
+        - `followed`: path points of the tool on this path.
+        - `error`: distances from the tool to this path.
+        """
         distances = followed.coverage_error
         arc_lengths = followed.coverage_error_s
         guessed = np.zeros(len(distances), dtype=bool)
@@ -252,10 +263,12 @@ class ContourExecution:
         # is the path point of a tool point, and its distance is at most the contour error.
         before = followed.s[rows]
         after = followed.s[np.minimum(rows + 1, len(distances) - 1)]
-        joints = followed.geometry[1:, 11]
-        alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
-        alone &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
-        bounds[alone] = np.minimum(bounds[alone], error.max)
+        segment_starts = followed.geometry[1:, 11]
+        on_one_segment = np.searchsorted(segment_starts, before, "right") == np.searchsorted(
+            segment_starts, after
+        )
+        on_one_segment &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
+        bounds[on_one_segment] = np.minimum(bounds[on_one_segment], error.max)
         rows = rows[bounds > largest.max]
         bounds = bounds[bounds > largest.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
@@ -290,7 +303,12 @@ class ContourExecution:
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
     def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
-        """Distance [m] from a point to the motion near sample i, and the nearest sample's time."""
+        """Return the distance from a point to the motion near sample i [m], and a time [s].
+
+        - `point`: position, (dimension,) [m].
+
+        The time is that of the sample nearest to the point.
+        """
         reach = 2 * float(length(self.tool[i] - point))
         # Range of the samples within a tool travel of `reach` before and after sample i.
         low, high = np.searchsorted(
@@ -304,15 +322,17 @@ class ContourExecution:
         return float(np.sqrt(-squares[0])), float(self.t[k])
 
     def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
-        """Profile of the distances from the tool to a path."""
+        """Return the profile of the distances from the tool to a path [m].
+
+        - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,); None in space.
+        """
 
         def measure(i: int, t: FloatArray) -> Errors | None:
+            """Return errors and arc lengths at times after sample i, (n,) each."""
             q = self._between(i, t)
-            return (
-                None
-                if q is None
-                else self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
-            )
+            if q is None:
+                return None
+            return self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
 
         hidden = None
         if self._has_fine_motion:
@@ -330,12 +350,21 @@ class ContourExecution:
         side: FloatArray | None = None,
         hidden: Hidden | None = None,
     ) -> ErrorProfile:
-        """Profile of values at the samples, (n,), with the arc lengths of their path points."""
+        """Return the profile of an error, with its peaks between samples.
+
+        - `values`: errors at the samples [m or rad], (n,).
+        - `s`: arc lengths of the path points of the samples [m], (n,).
+        - `measure`: measures the error between samples; None to use samples only.
+        - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,).
+        - `hidden`: intervals in which the error may have a peak that no sample shows.
+        """
         peak = None
         if self._has_fine_motion and measure is not None:
-            since = float(self.t[0]) if self.since is None else self.since
+            start_time = float(self.t[0]) if self.start_time is None else self.start_time
             end_time = min(self.end_time, float(self.executed.t[-1]))
-            peak = find_peak(self.t, values, measure, since=since, end_time=end_time, hidden=hidden)
+            peak = find_peak(
+                self.t, values, measure, start_time=start_time, end_time=end_time, hidden=hidden
+            )
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
         return ErrorProfile.over_time(
@@ -343,9 +372,9 @@ class ContourExecution:
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
-        """Joint positions at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
+        """Return q at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
         if i not in self._fine:
-            index = self.which.start + i
+            index = self.samples.start + i
             inside = 0 <= index < len(self.executed.t) - 1
             self._fine[i] = self.executed.between(np.array([index])) if inside else None
         fine = self._fine[i]
@@ -353,48 +382,82 @@ class ContourExecution:
 
     @cached_property
     def _fine(self) -> dict[int, FineMotion | None]:
-        """Cache of the motions after samples, by index of the sample in the piece."""
+        """Cache: index of a sample in the piece -> motion to the next sample."""
         return {}
 
     def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
-        """Distances and arc lengths of tool points between samples i and i + 1 [m], (n,) each."""
+        """Return distances and arc lengths of tool points after sample i [m], (n,) each."""
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
         return followed.near(tool, (low, high), float(followed.distance[ends].max()))
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool is at rest [s], at least the duration of the plan.
+    """Return the time from which the tool is at rest [s], at least the plan's duration.
 
-    `speed` is the tool speed [m/s], (n,).
+    `speed` is the tool speed at the samples [m/s], (n,).
     """
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
     return max(last, executed.set_points.trajectory.duration)
 
 
-def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
-    """Ends of the intervals for largest values and for root mean squares of a single path [s]."""
-    if until is not None:
-        return until, until
+def evaluated_times(executed: Execution, end_time: float | None) -> tuple[float, float]:
+    """Return when largest values and when RMS values of a single path end [s].
+
+    - `end_time`: end of both; None to choose them from the execution.
+    """
+    if end_time is not None:
+        return end_time, end_time
     # The RMS interval ends when the tool comes to rest, because samples at rest would reduce the
     # RMS. Largest values include the remaining execution, because a slow tool can still leave the
     # path.
-    end = settling_time(executed, executed.tool_speed)
-    return max(end, float(executed.t[-1])), end
+    rest_time = settling_time(executed, executed.tool_speed)
+    return max(rest_time, float(executed.t[-1])), rest_time
 
 
-def pieces_of(
+def split_by_contour(
     executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
     """Split an execution into one piece per contour, in which the process works on the contour.
 
     A single path is one piece, from the first set-point to `end_time`. If `end_time` is None, the
     piece ends with the execution, and the RMS interval ends when the tool comes to rest.
+
+    - `path`: the planned program.
+    - `objective`: the program before rounding, with the same contours; None if unknown.
     """
     spans = executed.set_points.trajectory.contour_spans
-    last, rms_end_time = evaluated_times(executed, end_time)
-    count = len(spans)
+    _check_contour_counts(len(spans), path, objective)
+    if path.single_path is None:
+        windows = [_find_window(executed, x) for x in spans]
+    else:
+        last, rms_end_time = evaluated_times(executed, end_time)
+        windows = [_Window(slice(0, len(executed.t)), last, rms_end_time)]
+    next_starts = [*(x.samples.start for x in windows[1:]), len(executed.t)]
+    pieces = []
+    for k, (contour, window) in enumerate(zip(path.contours, windows, strict=True)):
+        drawn = None if objective is None else objective.contours[k]
+        pieces.append(
+            ContourExecution(
+                executed=executed,
+                path=contour.path,
+                objective=None if drawn is None else drawn.path,
+                work=contour.at_work,
+                objective_work=None if drawn is None else drawn.at_work,
+                samples=window.samples,
+                next_start=next_starts[k],
+                start_time=window.start_time,
+                end_time=window.end_time,
+                rms_end_time=window.rms_end_time,
+                offset=window.offset,
+            )
+        )
+    return pieces
+
+
+def _check_contour_counts(count: int, path: Program, objective: Program | None) -> None:
+    """Raise InvalidInput unless both programs have as many contours as the execution."""
     if len(path.contours) != count:
         raise InvalidInput(
             f"The execution has {count} contour{'s' if count != 1 else ''}, but the program has "
@@ -405,39 +468,15 @@ def pieces_of(
             f"The objective must have as many contours as the planned program, {count}, but has "
             f"{len(objective.contours)}."
         )
-    if path.single_path is None:
-        windows = [_find_window(executed, x) for x in spans]
-    else:
-        windows = [_Window(slice(0, len(executed.t)), last, rms_end_time)]
-    beyond = [*(x.which.start for x in windows[1:]), len(executed.t)]
-    pieces = []
-    for k, (contour, window) in enumerate(zip(path.contours, windows, strict=True)):
-        first = None if objective is None else objective.contours[k]
-        pieces.append(
-            ContourExecution(
-                executed=executed,
-                path=contour.path,
-                objective=None if first is None else first.path,
-                beyond=beyond[k],
-                work=contour.at_work,
-                before_work=None if first is None else first.at_work,
-                which=window.which,
-                since=window.since,
-                end_time=window.end_time,
-                rms_end_time=window.rms_end_time,
-                offset=window.offset,
-            )
-        )
-    return pieces
 
 
 class _Window(NamedTuple):
     """Samples and times of a contour's piece, as in `ContourExecution`."""
 
-    which: slice
+    samples: slice
     end_time: float
     rms_end_time: float | None = None
-    since: float | None = None
+    start_time: float | None = None
     offset: float = 0.0
 
 
@@ -447,13 +486,17 @@ def _find_window(executed: Execution, span: Span) -> _Window:
     start, end = np.searchsorted(executed.t, span.work)
     # A piece has at least two samples, even on a very short contour.
     start = min(int(start), len(executed.t) - 2)
-    which = slice(start, max(int(end), start + 2))
-    since, end_time = span.work
-    return _Window(which, end_time, since=since, offset=span.s[0])
+    samples = slice(start, max(int(end), start + 2))
+    start_time, end_time = span.work
+    return _Window(samples, end_time, start_time=start_time, offset=span.s[0])
 
 
 def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
-    """1 where the tool is to the left of a planar path, -1 to its right."""
+    """Return 1 where the tool is to the left of a planar path, -1 to its right, (n,).
+
+    - `followed`: path points of the tool.
+    - `tool`: tool points [m], (n, 2).
+    """
     rows = followed.geometry.T
     row = np.maximum(rows[11].searchsorted(followed.s, side="right") - 1, 0)
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
@@ -515,41 +558,43 @@ def corner_deviations(
     # of the segment after it.
     low = objective.breaks[corners] - objective.lengths[corners - 1] / 2
     high = objective.breaks[corners] + objective.lengths[corners] / 2
-    first = np.searchsorted(arc_lengths, low)
-    last = np.searchsorted(arc_lengths, high, side="right")
+    region_start = np.searchsorted(arc_lengths, low)
+    region_end = np.searchsorted(arc_lengths, high, side="right")
     # If no sample is in the region, take the samples before and after it.
-    empty = first == last
-    first = np.where(empty, np.maximum(first - 1, 0), first)
-    last = np.where(empty, np.minimum(last + 1, len(arc_lengths)), last)
-    corner, number = number_parts(last - first)
-    sample = first[corner] + number
+    empty = region_start == region_end
+    region_start = np.where(empty, np.maximum(region_start - 1, 0), region_start)
+    region_end = np.where(empty, np.minimum(region_end + 1, len(arc_lengths)), region_end)
+    corner, number = number_parts(region_end - region_start)
+    sample = region_start[corner] + number
     points = objective.starts[corners]
-    starts = np.cumsum(last - first) - (last - first)
+    starts = np.cumsum(region_end - region_start) - (region_end - region_start)
     offset = tool[sample] - points[corner]
     across = _across(objective, corners)
-    away = length(offset)
-    past = dot(offset, across[corner])
-    rounding = np.minimum.reduceat(away, starts)
-    overshoot = np.maximum.reduceat(past, starts)
+    distances = length(offset)
+    overshoots = dot(offset, across[corner])
+    rounding = np.minimum.reduceat(distances, starts)
+    overshoot = np.maximum.reduceat(overshoots, starts)
     if maximize is not None:
         # Only the first extreme sample of each corner is refined.
-        rows = [np.flatnonzero(x == y[corner]) for x, y in ((away, rounding), (past, overshoot))]
-        nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
+        nearest = _first_of_each_corner(distances == rounding[corner], corner)
+        farthest = _first_of_each_corner(overshoots == overshoot[corner], corner)
         # An overshoot at the first or last sample of the region is no peak and is not refined.
-        inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
+        inner = np.flatnonzero(
+            (farthest > starts) & (farthest < starts + region_end - region_start - 1)
+        )
         farthest = farthest[inner]
         count = len(corners)
         targets = np.concatenate([points, points[inner]])[:, None]
-        out = across[inner][:, None]
+        outward = across[inner][:, None]
 
         # Squared distances are smooth, even where the tool passes through the corner.
-        def both(x: FloatArray) -> FloatArray:
-            gap = x - targets
-            return np.concatenate(
-                [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
-            )
+        def nearness_and_overshoot(points: FloatArray) -> FloatArray:
+            offsets = points - targets
+            nearness = -dot(offsets[:count], offsets[:count])
+            return np.concatenate([nearness, np.sum(offsets[count:] * outward, axis=-1)])
 
-        extremes = maximize(order[sample[np.concatenate([nearest, farthest])]], both)
+        extreme_samples = order[sample[np.concatenate([nearest, farthest])]]
+        extremes = maximize(extreme_samples, nearness_and_overshoot)
         rounding = np.sqrt(-extremes[:count])
         overshoot[inner] = extremes[count:]
     return tuple(
@@ -560,8 +605,24 @@ def corner_deviations(
     )
 
 
+def _first_of_each_corner(mask: BoolArray, corner: IntArray) -> IntArray:
+    """Return the first index at which a mask is True, for each corner, (corners,).
+
+    - `mask`: (m,), True at least once for each corner.
+    - `corner`: number of the corner of each entry, (m,).
+    """
+    rows = np.flatnonzero(mask)
+    return rows[np.unique(corner[rows], return_index=True)[1]]
+
+
 def _across(path: Path, corners: IntArray) -> FloatArray:
-    """Directions of overshoot: arriving tangents minus parts along leaving tangents, normalized."""
+    """Return the unit vectors in which overshoot at corners is measured, (corners, dimension).
+
+    It is the part of the arriving tangent across the leaving tangent; the arriving tangent itself
+    where the path turns back.
+
+    - `corners`: indices of the corners among the vertices of the path.
+    """
     before = path.segments.end_tangents[corners - 1]
     after = path.tangents[corners]
     across = before - np.sum(before * after, axis=1, keepdims=True) * after
@@ -573,7 +634,7 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
 def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
-    """Ratio of tool speed to the velocity assigned at the path point, (n,); 0 if none is.
+    """Return tool speed / velocity assigned at the path point, (n,); 0 if none is assigned.
 
     The path point of a sample is uncertain by its distance from the tool. Within this distance of a
     segment end, the larger velocity of both segments is the assigned velocity. If the assigned
@@ -587,10 +648,10 @@ def measure_speed_ratios(
     high = speed + _bound_between(speed) if between else speed
     s = np.maximum.accumulate(followed.s)
     distance = followed.distance
-    first = s - distance
-    last = s + distance
+    s_low = s - distance
+    s_high = s + distance
     allowed = np.maximum(
-        path.assigned_speeds(limit, first, side="left"), path.assigned_speeds(limit, last)
+        path.assigned_speeds(limit, s_low, side="left"), path.assigned_speeds(limit, s_high)
     )
     ratio: FloatArray = high / allowed
     before = assigned[:-1]
@@ -598,11 +659,11 @@ def measure_speed_ratios(
     # Where the assigned velocity falls, the speed at the segment end counts for the first sample
     # after the end.
     falls = np.flatnonzero(after < before)
-    _raise_at_segment_ends(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
+    _raise_at_segment_ends(ratio, high, s_low, path.breaks[1:-1][falls], after[falls], past=1)
     # Where the assigned velocity rises, the speed at the segment end counts for the last sample
     # before the end.
     rises = np.flatnonzero(after > before)
-    _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
+    _raise_at_segment_ends(ratio, high, s_high, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio
 
 
@@ -615,10 +676,14 @@ def _raise_at_segment_ends(
     *,
     past: int,
 ) -> None:
-    """Raise ratios to the ratios at the times at which the tool passes segment ends.
+    """Raise ratios, in place, to those at the times at which the tool passes segment ends.
 
-    `assigned` is the velocity on the slow side of each end [m/s]. `past` is 1 to raise the ratio of
-    the sample after the end, 0 to raise the ratio of the sample before it.
+    - `ratio`: speed / assigned velocity at the samples, (n,).
+    - `speed`: tool speed at the samples [m/s], (n,).
+    - `s`: arc lengths of the samples [m], (n,).
+    - `joints`: arc lengths of the segment ends [m], (m,).
+    - `assigned`: velocity on the slow side of each end [m/s], (m,).
+    - `past`: 1 to raise the ratio of the sample after the end, 0 that of the sample before it.
     """
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
@@ -626,14 +691,14 @@ def _raise_at_segment_ends(
     i = i[inside]
     joints = joints[inside]
     assigned = assigned[inside]
-    size = s[i] - s[i - 1]
-    part = (joints - s[i - 1]) / np.where(size > 0, size, 1.0)
-    passing = speed[i - 1] + part * (speed[i] - speed[i - 1])
+    step = s[i] - s[i - 1]
+    fraction = (joints - s[i - 1]) / np.where(step > 0, step, 1.0)
+    passing = speed[i - 1] + fraction * (speed[i] - speed[i - 1])
     np.maximum.at(ratio, i - 1 + past, passing / assigned)
 
 
 def _bound_between(speed: FloatArray) -> FloatArray:
-    """Bound on the increase of the speed between a sample and its neighbours, (n,)."""
+    """Bound how far the speed exceeds a sample on the way to its neighbours [m/s], (n,)."""
     if len(speed) < 3:
         return np.zeros(len(speed))
     bent = np.pad(np.abs(np.diff(speed, 2)), 1, mode="edge")
@@ -651,7 +716,7 @@ def unexplained_errors(
     - `model_error`: largest error of each joint [rad], (dof,), assumed with the worst sign.
     - `tangent`: unit tangents of the path, (n, dimension).
     """
-    moved = arm.tool_jacobian(q) * model_error
-    along = (tangent[:, None] @ moved)[:, 0]
-    across = moved - tangent[:, :, None] * along[:, None]
+    tool_errors = arm.tool_jacobian(q) * model_error
+    along = (tangent[:, None] @ tool_errors)[:, 0]
+    across = tool_errors - tangent[:, :, None] * along[:, None]
     return abs(along).sum(axis=1), length(across.swapaxes(1, 2)).sum(axis=1)

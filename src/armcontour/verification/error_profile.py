@@ -34,8 +34,9 @@ SHARP_TURN = 0.2
 # Sample times of the first search for the maximum of a smooth function, as fractions of the
 # interval.
 FIRST_FRACTIONS = np.arange(9) / 8
-# Number of these searches, each with steps 16 times shorter than the previous one.
+# Number of these searches, and by which factor their steps become shorter each time.
 CLOSER_SEARCHES = 3
+STEP_RATIO = 16
 # Sample times of an interval, as fractions of its width.
 SHARES = np.arange(SEARCH_PARTS + 1) / SEARCH_PARTS
 # Sample times of the next search relative to the estimated peaks, as fractions of the width of the
@@ -44,15 +45,16 @@ AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
 # Smallest distance of sample times from the ends of an interval, as a fraction of its width; the
 # values at the ends are known.
 END_DISTANCE = 0.01
-# Number of largest angles in the first batch; each further batch has four times as many.
+# Number of largest angles in the first batch, and growth of each further batch.
 FIRST_BATCH = 100
+BATCH_GROWTH = 4
 
 # The first leash is this multiple of the largest of three lengths: the largest distance of some
 # points from the path, the longest step of the tool, and SHORTEST_LENGTH. The leash is doubled
 # until it suffices.
 LEASH_FACTOR = 4.0
 # Approximate number of points whose distances from the path determine the first leash.
-SOME = 500
+LEASH_POINTS = 500
 # Smallest of the lengths that determine the first leash [m].
 SHORTEST_LENGTH = 1e-7
 # Indices of samples after which an error may have a peak, (m,), and bounds on the height of the
@@ -131,7 +133,7 @@ class ErrorProfile(Result, Frozen):
     angular: bool = False
 
     def to_data(self) -> Data:
-        """RMS and largest value, with time and arc length."""
+        """Return RMS and largest value, with time and arc length."""
         return Data("Error", error_rows("", "error", self))
 
     __repr__ = short_repr
@@ -212,9 +214,12 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
 
 
 def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """Times before `end`, then `end`; columns at these times, constant after the last time."""
-    inside = t < end
-    return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
+    """Cut columns at a time: return the times before `end` with `end`, and the columns at them.
+
+    - `t`, `columns`: times [s] and values at them, (n,) each; constant after the last time.
+    """
+    before = t < end
+    return np.append(t[before], end), [np.append(x[before], np.interp(end, t, x)) for x in columns]
 
 
 class Peak(NamedTuple):
@@ -230,14 +235,17 @@ def find_peak(
     values: FloatArray,
     measure: Measure,
     *,
-    since: float,
+    start_time: float,
     end_time: float,
     hidden: Hidden | None = None,
 ) -> Peak | None:
-    """Find a value between times t that exceeds those of all samples; None if there is none.
+    """Find a value between samples that exceeds those of all samples; None if there is none.
 
-    - `measure`: i may also be -1 or n - 1, for times before the first and after the last sample.
-    - `hidden`: peaks that no sample shows.
+    - `t`, `values`: times [s] and errors [m or rad] of the samples, (n,) each.
+    - `measure`: measures the error between samples; its index may also be -1 or n - 1, for times
+      before the first and after the last sample.
+    - `start_time`, `end_time`: times between which the peak may be [s].
+    - `hidden`: intervals in which the error may have a peak that no sample shows.
     """
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
@@ -258,19 +266,19 @@ def find_peak(
         bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + excess)
     # Before the first and after the last sample the slope of the adjacent interval is used.
     for i, a, b in ((-1, 0, 1), (len(t) - 1, -1, -2)):
-        end = since - t[0] if i < 0 else end_time - t[-1]
-        if (end < 0) == (i < 0) and end != 0:
-            rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
+        outside = start_time - t[0] if i < 0 else end_time - t[-1]
+        if (outside < 0) == (i < 0) and outside != 0:
+            rise = abs((values[b] - values[a]) / (t[b] - t[a]) * outside)
             high = np.append(high, i)
             bound = np.append(bound, values[a] + 2 * rise)
     for k in np.argsort(-bound).tolist():
         if bound[k] <= _threshold(best):
             break
         i = int(high[k])
-        first = max(float(t[i]) if i >= 0 else since, since)
-        last = min(float(t[i + 1]) if i + 1 < len(t) else end_time, end_time)
-        if first < last:
-            higher = _search_interval(first, last, partial(measure, i), best)
+        begin = max(float(t[i]) if i >= 0 else start_time, start_time)
+        end = min(float(t[i + 1]) if i + 1 < len(t) else end_time, end_time)
+        if begin < end:
+            higher = _search_interval(begin, end, partial(measure, i), best)
             if higher is not None:
                 best = higher.value
                 peak = higher
@@ -279,16 +287,19 @@ def find_peak(
 
 
 def _search_interval(
-    first: float,
-    last: float,
+    begin: float,
+    end: float,
     measure: Callable[[FloatArray], tuple[FloatArray, FloatArray] | None],
     best: float,
 ) -> Peak | None:
-    """Find a value above the best one between two times; None if there is none."""
+    """Find an error above `best` [m or rad] between two times [s]; None if there is none.
+
+    `measure` maps times, (n,), to errors and arc lengths, (n,) each; to None if they are unknown.
+    """
     peak = None
     t = np.zeros(0)
     values = np.zeros(0)
-    times = first + (last - first) * SHARES
+    times = begin + (end - begin) * SHARES
     for _ in range(MAX_CUTS):
         measured = measure(times)
         if measured is None:
@@ -317,16 +328,17 @@ def _search_interval(
 
 
 def maximize_smooth(
-    first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
+    begin: FloatArray, end: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Maximize each of m smooth functions between its two times, (m,), by parabolas.
+    """Return the maxima of m smooth functions between two times each, (m,), by parabolas.
 
-    `measure` maps times, (m, n), to the values of each function at them, (m, n).
+    - `begin`, `end`: times between which each function is maximized [s], (m,) each.
+    - `measure`: maps times, (m, n), to the values of each function at them, (m, n).
     """
-    step = (last - first) * FIRST_FRACTIONS[1]
-    rows = np.arange(len(first))
-    times = first[:, None] + (last - first)[:, None] * FIRST_FRACTIONS
-    best = np.full(len(first), -np.inf)
+    step = (end - begin) * FIRST_FRACTIONS[1]
+    rows = np.arange(len(begin))
+    times = begin[:, None] + (end - begin)[:, None] * FIRST_FRACTIONS
+    best = np.full(len(begin), -np.inf)
     for _ in range(CLOSER_SEARCHES):
         values = measure(times)
         best = np.maximum(best, values.max(axis=1))
@@ -337,51 +349,55 @@ def maximize_smooth(
             curvature < 0, (low - high) / np.where(curvature < 0, 2 * curvature, 1.0), 0.0
         )
         middle = times[rows, k] + np.clip(shift, -1, 1) * step
-        step = step / 16
+        step = step / STEP_RATIO
         times = middle[:, None] + step[:, None] * (FIRST_FRACTIONS - 0.5) * (
             len(FIRST_FRACTIONS) - 1
         )
-        times = np.clip(times, first[:, None], last[:, None])
+        times = np.clip(times, begin[:, None], end[:, None])
     return best
 
 
 def _threshold(best: float) -> float:
-    """Value that must be exceeded to continue the search."""
+    """Return the value above which an error counts as larger than the best one [m or rad]."""
     return best + PEAK_EXCESS * abs(best) + ERROR_ROUNDING
 
 
 def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Intervals in which the values may exceed those at both ends."""
-    # The bound is the value of a kink: the intersection of the lines through the two samples before
-    # and through the two samples after the interval. A parabola rises a quarter as much. Returns
-    # indices of the first samples of the intervals, (m,); relative positions of the kink and of the
-    # top of the parabola, (2, m); bounds of the values, (m,).
+    """Find the intervals in which the values may exceed those at both ends.
+
+    Returns the indices of their first samples, (m,); where the kink and the top of the parabola
+    are, as fractions of the interval, (2, m); and bounds of the values, (m,). The bound is the
+    value of a kink: the intersection of the lines through the two samples before and through the
+    two samples after the interval. A parabola rises a quarter as much.
+    """
     rises = values[1:] - values[:-1]
     last = len(rises) - 1
-    # Intervals before which the values rise and after which they fall; the first and the last
-    # interval always count.
+    # Values rise before these intervals and fall after them. The first and the last interval are
+    # always included.
     top = (rises[:-2] > 0) & (rises[2:] < 0)
     top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
     width = t[top + 1] - t[top]
     slope = rises[top] / width
     before = np.maximum(top - 1, 0)
     after = np.minimum(top + 1, last)
+    # Slopes of the intervals before (a) and after (b) each of them.
     a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
     # Beyond the ends, the curvature is assumed to be that of the adjacent interval.
     # With one interval only, a[-1] is a[0], so both are computed before either is stored.
-    begin = 2 * slope[0] - b[0]
-    end = 2 * slope[-1] - a[-1]
-    a[0] = begin
-    b[-1] = end
-    falls = (a > 0) & (b < 0)
-    top, slope, a, b, width = (x[falls] for x in (top, slope, a, b, width))
+    slope_before_start = 2 * slope[0] - b[0]
+    slope_after_end = 2 * slope[-1] - a[-1]
+    a[0] = slope_before_start
+    b[-1] = slope_after_end
+    has_top = (a > 0) & (b < 0)
+    top, slope, a, b, width = (x[has_top] for x in (top, slope, a, b, width))
     kink = np.clip((slope - b) / (a - b), 0.0, 1.0)
+    parabola_top = np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)
     bound = np.maximum(values[top] + a * width * kink, np.maximum(values[top], values[top + 1]))
-    return top, np.stack([kink, np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)]), bound
+    return top, np.stack([kink, parabola_top]), bound
 
 
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
-    """Angle between the tool and the required tool orientation [rad], (n,).
+    """Return the angle between the tool and the required tool orientation [rad], (n,).
 
     If the path requires only an axis, the angle is between the tool axes.
 
@@ -394,14 +410,16 @@ def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArr
 def smallest_angles(
     path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
-    """Smallest angle between the tool and the orientations nearby on the path [rad], (n,).
+    """Return the smallest angle between the tool and the orientations nearby [rad], (n,).
 
     Where the path crosses itself, turns back or closes, the tool may follow another point of the
     path than the nearest one. The result is therefore the smallest angle at the nearest points of
     all segments, and at segment ends, within `reach` [m]. To save time, angles that cannot be the
     largest are those at the nearest point.
 
-    `turned` are the rotation matrices of the tool, (n, 3, 3).
+    - `tool`: tool points [m], (n, 3).
+    - `nearest`: the nearest points of the path.
+    - `turned`: rotation matrices of the tool, (n, 3, 3).
     """
     from armcontour.verification.path_points import find_path_points
 
@@ -413,16 +431,16 @@ def smallest_angles(
     done = 0
     worst = -np.inf
     while done < len(order) and angle[order[done]] > worst:
-        these = order[done : done + size]
-        radius = np.maximum(reach, nearest.distance[these])
-        point, arc_lengths = find_path_points(tool[these], geometry, radius)
-        fits = orientation_angles(
-            path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
+        batch = order[done : done + size]
+        radius = np.maximum(reach, nearest.distance[batch])
+        point, arc_lengths = find_path_points(tool[batch], geometry, radius)
+        nearby_angles = orientation_angles(
+            path.orientation, np.minimum(arc_lengths, path.length), turned[batch[point]]
         )
-        np.minimum.at(angle, these[point], fits)
-        worst = max(worst, float(angle[these].max()))
+        np.minimum.at(angle, batch[point], nearby_angles)
+        worst = max(worst, float(angle[batch].max()))
         done = done + size
-        size = size * 4
+        size = size * BATCH_GROWTH
     return angle
 
 
@@ -464,10 +482,11 @@ class Followed:
     def near(
         self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances and arc lengths [m], (n,) each, of tool points between two followed points.
+        """Return distances and arc lengths of points between two followed ones [m], (n,) each.
 
-        - `points`: (n, dimension) [m].
+        - `points`: tool points in order [m], (n, dimension).
         - `ends`: arc lengths of both followed points [m].
+        - `distance_bound`: the larger distance of both followed points from the path [m].
         """
         from armcontour.verification.path_points import follow
 
@@ -508,8 +527,8 @@ def follow_path(
     begin, end = (0.0, path.length) if work is None else work
     padded = pad_to_space(points)
     geometry = pack_segments(path.segments)
-    some = points[: last : max(1, last // SOME)]
-    deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
+    thinned = points[: last : max(1, last // LEASH_POINTS)]
+    deviation = float(find_nearest(path.segments, thinned, in_order=True).distance.max())
     # Shortest leash with which all points may be followed.
     leash = LEASH_FACTOR * max(
         deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST_LENGTH
@@ -525,6 +544,7 @@ def follow_path(
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
     motion = FollowedTool(padded[followed], distance[followed], s[followed], chords, later)
     coverage_error, coverage_s = measure_coverage(motion, geometry, begin, min(end, path.length))
+    # Coverage errors outside of the judged points count at the first or last judged point.
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
         if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[index]:

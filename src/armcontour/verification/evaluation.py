@@ -27,8 +27,8 @@ from armcontour.verification.contour_errors import (
     ContourExecution,
     CornerDeviation,
     evaluated_times,
-    pieces_of,
     settling_time,
+    split_by_contour,
 )
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.limit_verdict import measure_limit_ratios
@@ -239,22 +239,22 @@ def settled_row(settled: float) -> Row:
     return Row("settled", settled, "s", "at rest after")
 
 
-def demand_row(shares: FloatArray) -> Row:
+def demand_row(ratios: FloatArray) -> Row:
     """Make the row of `demand_ratio`, (dof,)."""
-    return _joint_row("demand_ratio", shares, "joint demand")
+    return _joint_row("demand_ratio", ratios, "joint demand")
 
 
-def saturated_row(shares: FloatArray) -> Row:
+def saturated_row(fractions: FloatArray) -> Row:
     """Make the row of `saturated`, (dof,)."""
-    joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(shares) if x > 0]
-    return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint", VERDICT)
+    joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(fractions) if x > 0]
+    return Row("saturated", fractions, "1", "saturated", ", ".join(joints) or "no joint", VERDICT)
 
 
-def _joint_row(name: str, shares: FloatArray, label: str) -> Row:
+def _joint_row(name: str, ratios: FloatArray, label: str) -> Row:
     """Make a row of one ratio per joint that names the largest; without a label if all are 0."""
-    if not shares.any():
-        return Row(name, shares, "1")
-    return Row(name, shares, "1", label, f"joint {int(shares.argmax()) + 1}")
+    if not ratios.any():
+        return Row(name, ratios, "1")
+    return Row(name, ratios, "1", label, f"joint {int(ratios.argmax()) + 1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -305,7 +305,7 @@ def evaluate(
             the program is not the planned one.
     """
     program = Program.from_path(path)
-    before = None if objective is None else Program.from_path(objective)
+    drawn = None if objective is None else Program.from_path(objective)
     if end_time is not None and program.single_path is None:
         raise InvalidInput(
             "end_time is allowed only for a single path, because the contours of a program are "
@@ -314,7 +314,7 @@ def evaluate(
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     _, end = evaluated_times(executed, end_time)
-    pieces = pieces_of(executed, program, before, end_time)
+    pieces = split_by_contour(executed, program, drawn, end_time)
     contour_errors = tuple(x.contour_error for x in pieces)
     drawing_errors = tuple(y for piece in pieces if (y := piece.drawing_error) is not None)
     speed_ratios = [x.speed_ratios(bounds.speed) for x in pieces]
@@ -347,7 +347,7 @@ def evaluate(
         saturated=saturated_fractions(executed, end),
         time_at_limit=_time_at_limit(executed, bounds) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
-        judged=EvaluationInputs(executed=executed, path=program, objective=before, limits=bounds),
+        judged=EvaluationInputs(executed=executed, path=program, objective=drawn, limits=bounds),
     )
 
 
@@ -383,8 +383,8 @@ def _mean_speed(pieces: Sequence[ContourExecution]) -> float:
 
 def _mean_planned_speed(executed: Execution) -> float:
     """Return the mean tool speed over the planned time of the motion [m/s]."""
-    moved = _planned_times(executed)
-    length = integrate(executed.tool_speed[moved], executed.t[moved])
+    planned = _planned_times(executed)
+    length = integrate(executed.tool_speed[planned], executed.t[planned])
     return float(length / executed.set_points.trajectory.duration)
 
 
@@ -423,7 +423,7 @@ def _join_corners(
 
 
 def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
-    """Largest first and second values of the pairs that are not None; None if all are None."""
+    """Return the largest errors along and across the path [m]; None if all are None."""
     known = [x for x in errors if x]
     along = max((x[0] for x in known), default=-1.0)
     across = max((x[1] for x in known), default=-1.0)
@@ -432,18 +432,18 @@ def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float
 
 def _time_at_limit(executed: Execution, limits: Limits) -> float:
     """Return the share of the planned time in which a joint uses at least AT_LIMIT of a limit."""
-    moved = _planned_times(executed)
+    planned = _planned_times(executed)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
         values["joint_torque"] = executed.torque
     elif limits.joint_torque is not None and executed.arm.has_bodies:
         values["joint_torque"] = executed.arm.torque(executed.q, executed.dq, executed.ddq)
-    ratios = [use_of(name, limits, x[moved]).ratio for name, x in values.items()]
+    ratios = [use_of(name, limits, x[planned]).ratio for name, x in values.items()]
     return float((np.max(ratios, axis=0) >= AT_LIMIT).any(axis=1).mean())
 
 
 def executed_jerk(executed: Execution) -> FloatArray:
-    """Largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
+    """Return the largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
     t = executed.t
     ddq = executed.ddq
     if len(t) < 2:
@@ -456,7 +456,7 @@ def executed_jerk(executed: Execution) -> FloatArray:
 
 
 def commanded_jerk(set_points: SetPoints) -> FloatArray:
-    """Largest jerk of each joint, from third differences of the set-points [rad/s³], (dof,)."""
+    """Return each joint's largest jerk, by third differences of set-points [rad/s³], (dof,)."""
     # Before the first and after the last set-point the command is constant.
     third = np.diff(np.pad(set_points.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
     return np.asarray(np.abs(third).max(axis=0) / set_points.cycle**3)

@@ -74,18 +74,21 @@ class InterpolationCheck(Result):
         return max((x.verdict for x in self.uses), key=VERDICTS.index, default="kept")
 
     def __getitem__(self, name: str) -> LimitUse:
-        """The use of one limit, by its name."""
+        """Return the use of a limit by its name."""
         return next(x for x in self.uses if x.name == name)
 
     def to_data(self) -> Data:
-        """The verdict, the distances, and the use of every limit."""
+        """Return the verdict, the distances, and the use of every limit."""
         title = CONTROLLERS[self.controller].title
         rate = number(self.rate, "Hz")
-        far = self.path_deviation
+        farthest = self.path_deviation
         # Neighbouring commands have different times.
         decimals = max(0, math.ceil(math.log10(STEPS_SHOWN * self.rate)))
-        path = f"at t = {moment(far.t, decimals)}, s = {number(far.s, 'm')}" if far else ""
-        distance = far.distance if far else None
+        path = ""
+        distance = None
+        if farthest is not None:
+            path = f"at t = {moment(farthest.t, decimals)}, s = {number(farthest.s, 'm')}"
+            distance = farthest.distance
         time = f"from {self.reference}, at t = {moment(self.deviation_time, decimals)}"
         limits = [with_decimals(x.to_data().rows, decimals) for x in self.uses]
         return Data(
@@ -151,7 +154,7 @@ def check_interpolation(
     commanded = SimpleNamespace(t=t, q=q)
     uses = check(commanded, arm, bounds.without_jerk, path, tolerance=tolerance).uses
     times = _times(points)
-    far = None
+    path_deviation = None
     if path is not None:
         fine = SimpleNamespace(t=times, q=curve(times))
         followed = check(
@@ -159,11 +162,11 @@ def check_interpolation(
             deviation=deviation, orientation_deviation=orientation_deviation, tolerance=tolerance,
         )  # fmt: skip
         uses = uses + followed.uses
-        far = followed.path_deviation
+        path_deviation = followed.path_deviation
     # If the plan is unknown, it is estimated by the spline with the positions and derivatives of
     # the points.
-    best = interpolate_points(points, "jtc_spline")
-    ideal = reference or best.curve
+    spline = interpolate_points(points, "jtc_spline")
+    ideal = reference or spline.curve
     q = curve(times)
     exact = ideal(np.minimum(times, ideal.duration))
     distance = np.linalg.norm(arm.tool_position(q) - arm.tool_position(exact), axis=1)
@@ -175,22 +178,25 @@ def check_interpolation(
         deviation=float(distance.max()),
         deviation_time=float(times[np.argmax(distance)]),
         joint_deviation=float(np.abs(q - exact).max()),
-        reference="the plan" if reference else f"{best.law} through the points",
+        reference="the plan" if reference else f"{spline.law} through the points",
         acceleration=_law_acceleration(curve, bounds, times),
-        path_deviation=far,
+        path_deviation=path_deviation,
     )
 
 
 def _times(points: TimeSamples) -> FloatArray:
-    """Times at the points and between them, since the first point [s], (n,)."""
+    """Return times at the points and between them, from the first point [s], (n,)."""
     t = np.round(np.asarray(points.t) - points.t[0], 9)
     return subdivide(t, int(np.clip(MAX_DISTANCES // len(t), 2, MAX_DISTANCES_PER_INTERVAL)))
 
 
 def _law_acceleration(curve: CommandCurve, limits: Limits, t: FloatArray) -> float:
-    """Largest ratio of an interpolation's acceleration to its limit; NaN if velocity jumps."""
+    """Return the interpolation's largest acceleration / limit; NaN if velocity jumps.
+
+    - `t`: times from the first point [s], (n,).
+    """
     if curve.law in IN_STEPS or limits.joint_acceleration is None:
         return np.nan
-    inside = np.clip(t + curve.origin, 0.0, curve.curve.duration)
-    sides = (curve.curve(inside, 2, side=x) for x in ("left", "right"))
+    curve_times = np.clip(t + curve.origin, 0.0, curve.curve.duration)
+    sides = (curve.curve(curve_times, 2, side=x) for x in ("left", "right"))
     return max(float(use_of("joint_acceleration", limits, x).ratio.max()) for x in sides)

@@ -150,6 +150,7 @@ def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
     """Shift the times [s] and arc lengths [m] of a use."""
 
     def shifted(occurrence: Occurrence) -> dict[str, Any]:
+        """Return the shifted fields of an occurrence."""
         return {"t": t + occurrence.t, "s": None if occurrence.s is None else s + occurrence.s}
 
     highest = replace(use.highest, **shifted(use.highest))
@@ -202,7 +203,10 @@ class LimitUseAccumulator:
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
     def record(self, use: Use, t: FloatArray, q: FloatArray) -> None:
-        """Record a use at times and joint positions."""
+        """Record a use at times and joint positions.
+
+        - `t`, `q`: times [s], (n,), and joint positions [rad], (n, dof), of the values of `use`.
+        """
         name = use.name
         value = use.value
         if not value.size:
@@ -211,6 +215,7 @@ class LimitUseAccumulator:
         allowed, slack = (np.broadcast_to(x, value.shape) for x in (use.limit, slack))
 
         def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
+            """Return the occurrence of value i and its joint positions [rad], (dof,)."""
             index = np.unravel_index(i, value.shape)
             joint = int(index[1]) if value.ndim == 2 else None
             unit = UNITS.get(name, "")
@@ -248,7 +253,10 @@ class LimitUseAccumulator:
             self.record(use, t, states.q)
 
     def tool_points(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, dimension), and a bound on the norm of their error, (n,)."""
+        """Return tool points [m], (n, dimension), and bounds of their errors [m], (n,).
+
+        - `q`, `error`: joint positions and bounds of their errors [rad], (n, dof) each.
+        """
         return States(self.arm, (q,), (error,)).bounded(self.arm.tool_position, 0)
 
     def record_pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
@@ -279,19 +287,22 @@ class LimitUseAccumulator:
         self.record(Use("orientation_deviation", angle, allowed, slack), t, q)
 
     def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
-        """Largest uses of all limits, with arc lengths on the path and verdicts."""
+        """Return the largest uses of all limits, with arc lengths on the path and verdicts.
+
+        - `tolerance`: as of `decide_verdict`.
+        """
         entries = [*self._certain.values(), *self._highest.values()]
         uses = [x for x, _ in entries]
         if self.path is not None and entries:
             s = self.path.project(self.arm.tool_position(np.array([q for _, q in entries]))).s
-            uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
+            uses = [replace(x, s=float(y)) for x, y in zip(uses, s, strict=True)]
         certain = uses[: len(self._certain)]
         highest = uses[len(self._certain) :]
         judged = []
-        for name, use, most in zip(self._certain, certain, highest, strict=True):
-            verdict = decide_verdict(use.certain, most, tolerance)
+        for name, use, largest in zip(self._certain, certain, highest, strict=True):
+            verdict = decide_verdict(use.certain, largest, tolerance)
             occurrence = {x.name: getattr(use, x.name) for x in fields(use)}
-            judged.append(LimitUse(name=name, highest=most, verdict=verdict, **occurrence))
+            judged.append(LimitUse(name=name, highest=largest, verdict=verdict, **occurrence))
         return tuple(judged)
 
 
@@ -307,7 +318,7 @@ class TimeLaw(Protocol):
         """Times between which the law is smooth, including start and end [s]."""
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities, accelerations or jerks, (n, dof)."""
+        """Return q or its derivative of an order up to 3, in rad and s, (n, dof)."""
         # Jerk is not checked if the law raises an error for order 3.
 
 
@@ -328,19 +339,18 @@ def record_law(
     for first in range(0, len(breaks) - 1, size):
         ends = breaks[first : first + size + 1]
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
-        right = np.concatenate([ends[:-1], inner.ravel()])
+        right_times = np.concatenate([ends[:-1], inner.ravel()])
         left_times = ends[1:]
-        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left_times, jerk)
+        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right_times, left_times, jerk)
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
         tally.record_pose(t, q, np.zeros(tally.arm.dof))
         if jerk:
-            at = ends if first == 0 else left_times
-            _record_acceleration_steps(law, at, tally, (breaks[0], breaks[-1]))
-        _record_steps(
-            law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
-        )
+            times = ends if first == 0 else left_times
+            _record_acceleration_steps(law, times, tally, (breaks[0], breaks[-1]))
+        is_last = first + size >= len(breaks) - 1
+        _record_steps(law, ends[1:-1] if is_last else ends[1:], tally, velocity_step)
     return count
 
 
@@ -352,7 +362,7 @@ def uses_of_law(
     left_times: FloatArray,
     jerk: bool,
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
-    """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times.
+    """Return times (n + m,), q at them [rad], (n + m, dof), and the use of limits by a law.
 
     At a break, the law has the value after the break for right_times [s], (n,), and the value
     before it for left_times [s], (m,). The third derivative is evaluated only if joint jerk is
@@ -372,12 +382,14 @@ def uses_of_law(
         values = np.concatenate(sides)
         if values.shape != (len(t), arm.dof):
             raise ArmMismatch(
-                f"The law has {values.shape[-1]} joints, but the arm has {arm.dof}. Specify the "
-                "arm for which the law was made."
+                f"The trajectory has {values.shape[-1]} joints, but the arm has {arm.dof}. "
+                "Specify the arm for which it was planned."
             )
         if not np.isfinite(values).all():
             time = float(t[~np.isfinite(values).all(axis=1)][0])
-            raise InvalidInput(f"The law's {name} are not finite at t = {time:.9g} s.", t=time)
+            raise InvalidInput(
+                f"The trajectory's {name} are not finite at t = {time:.9g} s.", t=time
+            )
         columns.append(values)
     return t, columns[0], list(States(arm, columns).uses(limits))
 
@@ -423,7 +435,7 @@ def has_checkable_jerk(law: TimeLaw, limits: Limits, start: FloatArray) -> bool:
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest ratio of a value to its limit, for every specified limit that can be evaluated."""
+    """Return the largest ratio of each specified limit that can be evaluated, by its name."""
     # In a program, limits of the tool apply along contours, limits of the joints in every move.
     largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
@@ -444,17 +456,18 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest ratio of each limit in a motion, by name of the limit."""
+    """Return the largest ratio of each limit in a motion, by name of the limit."""
     breaks = motion.smooth_breaks
     jerk = has_checkable_jerk(motion, limits, motion.starts[:1])
+    # Number of times per interval with which the motion has FEWEST_TIMES and ENOUGH times.
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST_TIMES, ENOUGH))
     count = max(MIN_PER_INTERVAL, few, min(MAX_TIMES_PER_INTERVAL, enough))
-    part = np.linspace(0.0, 1.0, count)[:, None]
+    fractions = np.linspace(0.0, 1.0, count)[:, None]
     size = max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):
         ends = breaks[first : first + size + 1]
-        t = ends[:-1] + part * np.diff(ends)
+        t = ends[:-1] + fractions * np.diff(ends)
         t[-1] = ends[1:]
         for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerk)[-1]:
             name = use.name
@@ -477,7 +490,14 @@ def _peaks(
     ratio: FloatArray,
     threshold: float,
 ) -> FloatArray:
-    """Ratios at the highest peaks between the times, if parabolas there exceed `threshold`."""
+    """Return the ratios at the highest peaks between times, (m,), m at most PEAKS.
+
+    Peaks count if the parabolas through three successive ratios exceed `threshold` there.
+
+    - `only`: the limit of this `name` alone.
+    - `t`: times of all intervals [s], (times, intervals).
+    - `ratio`: ratios at these times, (times, intervals, columns).
+    """
     before = ratio[:-2]
     middle = ratio[1:-1]
     after = ratio[2:]

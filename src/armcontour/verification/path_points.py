@@ -178,27 +178,27 @@ def follow(
     The first path point is at or before `start` [m]. The first `needed` points must be followed,
     later points only until the tool leaves the path; `held` ignores them.
 
-    - `points`: (n, 3) [m].
+    - `points`: tool points in order [m], (n, 3).
     - `rows`: segments from `pack_segments`, (segments, 15).
     """
     n = len(points)
     size = MAX_STRETCHES + 1
     distance = np.empty(n)
     s = np.empty(n)
-    now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
-    after = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
-    now.ends[0, 0] = 0.0
-    now.ends[0, 1] = start
-    now.first[0] = 0
+    old = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
+    new = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
+    old.ends[0, 0] = 0.0
+    old.ends[0, 1] = start
+    old.first[0] = 0
     count = 1
     before = 0.0
     held = False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
-        count, point = _reachable_intervals(p, rows, now, count, after, before, leash * leash)
+        count, point = _reachable_intervals(p, rows, old, count, new, before, leash * leash)
         if count == 0:
             return FollowedPoints(distance, s, i, held)
-        now, after = after, now
+        old, new = new, old
         distance[i] = point.distance
         s[i] = before = point.s
         held = held or (point.held and i < needed)
@@ -210,11 +210,11 @@ def find_path_points(
 ) -> tuple[IntArray, FloatArray]:
     """Find all path points near each point: indices of points, and arc lengths [m], (m,) each.
 
-    They are the foot points and ends of segments within `reach` of the point [m], (n,), plus
-    rounding.
+    They are the foot points and the ends of segments within a distance.
 
-    - `points`: (n, 3) [m].
-    - `rows`: from `pack_segments`, (segments, 15).
+    - `points`: tool points [m], (n, 3).
+    - `rows`: segments from `pack_segments`, (segments, 15).
+    - `reach`: largest distance of each point [m], (n,).
     """
     k = rows[:, 9]
     length = rows[:, 10]
@@ -254,7 +254,7 @@ def find_path_points(
 def _tool_distances(
     p: Point, q: Point, motion: FollowedTool, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of path points p and q from the tool's motion near chord i [m], and a bound.
+    """Return the distances of path points p and q from the tool near chord i [m], and a bound.
 
     The searched motion extends by `reach` on both sides of the chord, and until the tool has passed
     `until` for the last time. The bound holds for all points on the line from p to q: it is the
@@ -360,7 +360,7 @@ def _measure_parts(
 def measure_coverage(
     motion: FollowedTool, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest distance from the path to the tool, for the path interval of each tool step.
+    """Measure the largest distance from the path to the tool, for the path interval of each step.
 
     The path interval of a step is split at segment ends. The step with the largest known distance
     is measured first, because most other steps then need no measurement.
@@ -368,7 +368,8 @@ def measure_coverage(
     Returns distances [m], -1 if not measured, and arc lengths [m], (n,) each. The first row
     includes the path before the first tool point, the last row the path after the last tool point.
 
-    `rows` are from `pack_segments`, (segments, 15).
+    - `rows`: segments from `pack_segments`, (segments, 15).
+    - `begin`, `end`: arc lengths between which the path is measured [m].
     """
     reached = np.maximum.accumulate(motion.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
@@ -385,10 +386,9 @@ def measure_coverage(
     # Between two path points, the distance exceeds the distances at both by at most the sagitta.
     sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
     after = np.minimum(step + 1, len(low) - 1)
-    whole = (after > step) & (first == motion.s[step]) & (last == motion.s[after])
-    bounds = np.where(
-        whole, sag + np.maximum(motion.distance[step], motion.distance[after]), np.inf
-    )
+    between_points = (after > step) & (first == motion.s[step]) & (last == motion.s[after])
+    end_distance = np.maximum(motion.distance[step], motion.distance[after])
+    bounds = np.where(between_points, sag + end_distance, np.inf)
     worst = np.flatnonzero(step == np.argmax(motion.distance))
     order = np.concatenate([worst, np.arange(len(step))])
     indices = np.stack([step, k, last == high[step]], axis=1)

@@ -51,16 +51,19 @@ class SampledMotion:
     lines: IntArray | None = None  # Lines of the samples in their file, (n,); None without a file
 
     def spans(self, k: int = 1) -> Column:
-        """Time [s] over every `k` intervals, and a bound on its error, (n - k, 1) each."""
+        """Return the time over every `k` intervals and a bound on its error [s], (n - k, 1)."""
         span = (self.t[k:] - self.t[:-k])[:, None]
         return span, (self.t_error[k:] + self.t_error[:-k])[:, None] + self.clock * span
 
     def middles(self, k: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Middle times of all runs of `k` intervals [s], and the nearest joint positions [rad]."""
+        """Return middle times of every `k` intervals [s], and the nearest positions [rad]."""
         return (self.t[k:] + self.t[:-k]) / 2, self.q[k // 2 : len(self.q) - k + k // 2]
 
     def mean(self, column: Column, order: int, *, both_ways: bool = False) -> Column:
-        """Mean derivative of an order over every `order` intervals, and its error bound.
+        """Return the mean derivative over every `order` intervals, and its error bound.
+
+        - `column`: values, (n, columns), and bounds on their errors, (n, columns) or (n, 1).
+        - `order`: order of the derivative.
 
         Unless `both_ways`, the error bounds only how much smaller the true mean can be.
         """
@@ -120,7 +123,11 @@ def _known_derivatives(log: SampledMotion) -> tuple[FloatArray, ...]:
 def _mean_rows(
     log: SampledMotion, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column], list[Column]]:
-    """Rates to check (limit, column, difference order); columns of the joints and of the tool."""
+    """Return the rates to check, and the columns of the joints and of the tool.
+
+    A rate is the name of its limit, the column from which it is computed, and the order of the
+    difference.
+    """
     # A limited derivative follows from the highest known derivative below it. The columns of the
     # tool are positions, and velocities if joint velocities are known.
     arm = states.arm
@@ -150,7 +157,10 @@ def _mean_rows(
 def _record_angular_speed(
     log: SampledMotion, tally: LimitUseAccumulator, frames: FloatArray
 ) -> None:
-    """Record mean angular speeds between samples."""
+    """Record mean angular speeds between samples.
+
+    - `frames`: rotation matrices of the tool, (n, 3, 3).
+    """
     span, time_error = (x[:, 0] for x in log.spans())
     step = np.linalg.norm(frames[1:] - frames[:-1], axis=(1, 2))
     # The shortest rotation between two orientations is a lower bound of the angle.
@@ -162,7 +172,10 @@ def _record_angular_speed(
 
 
 def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: list[Column]) -> None:
-    """Record mean tool accelerations normal to the motion."""
+    """Record mean tool accelerations normal to the motion.
+
+    - `tool`: positions of the tool, and its velocities if they are known.
+    """
     order = 3 - len(tool)
     if tally.limits.centripetal_acceleration is None or len(log.t) <= order:
         return
@@ -173,14 +186,16 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
     after = velocity[1:]
     error = error[:, 0]
     velocity_error = np.maximum(velocity_error[:-1], velocity_error[1:])[:, 0]
-    first = np.linalg.norm(before, axis=1)
-    last = np.linalg.norm(after, axis=1)
-    slowest = np.minimum(first, last)
+    speed_before = np.linalg.norm(before, axis=1)
+    speed_after = np.linalg.norm(after, axis=1)
+    slowest = np.minimum(speed_before, speed_after)
     size = np.linalg.norm(mean, axis=1)
     # If the direction turns between the samples, tangential acceleration has a component normal to
     # the middle direction. The component is at most the sine of the angle times the largest
     # tangential acceleration here and in the neighbouring intervals.
-    cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, STILL_TOOL**2)
+    cosine = np.einsum("ij,ij->i", before, after) / np.maximum(
+        speed_before * speed_after, STILL_TOOL**2
+    )
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > STILL_TOOL) & (cosine > 0) & (sine < WIDEST_TURN)
     turned = np.minimum(1.0, sine + velocity_error / np.maximum(slowest, STILL_TOOL))
@@ -201,7 +216,11 @@ def _record_centripetal(log: SampledMotion, tally: LimitUseAccumulator, tool: li
 def _record_peaks(
     log: SampledMotion, tally: LimitUseAccumulator, columns: list[Column], names: list[str]
 ) -> None:
-    """Record the peaks of acceleration and jerk that two neighbouring samples require."""
+    """Record the peaks of acceleration and jerk that two neighbouring samples require.
+
+    - `columns`: positions, velocities, ... of the joints or of the tool.
+    - `names`: limits of the second and third derivatives of the first column.
+    """
     limits = tally.limits
     of_joints = names[0] in JOINT_LIMITS
     if all(getattr(limits, x) is None for x in names):
@@ -219,8 +238,8 @@ def _record_peaks(
         ends.append([(shift, error), (rate[1:] - rate[:-1], changed)])
     if not of_joints:
         # The components of tool vectors in one direction bound their length.
-        first = ends[0][0][0]
-        along = first / np.maximum(length(first), np.finfo(np.float64).tiny)[:, None]
+        vectors = ends[0][0][0]
+        along = vectors / np.maximum(length(vectors), np.finfo(np.float64).tiny)[:, None]
         ends = [_components(x, along) for x in ends]
     for name, ((shift, error), (change, changed)) in zip(names, ends, strict=False):
         if getattr(limits, name) is None:
@@ -272,7 +291,10 @@ def _smallest_factor(
 
 
 def _smallest_jerk(moments: list[Column]) -> Column:
-    """Lower bound of the largest jerk with the given moments, and a bound on its error."""
+    """Return a lower bound of the largest jerk with these moments, and a bound on its error.
+
+    - `moments`: scaled integrals of the jerk, the highest order first.
+    """
     # With x from -1 to 1 in a window, the moments are the integrals of the jerk times x² - 1, -x
     # and 1. For every polynomial p(x), the integral of p times the jerk is at most the largest jerk
     # times the integral of |p|. Equality requires a bang-bang jerk with the sign of p. The smallest

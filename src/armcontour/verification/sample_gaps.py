@@ -76,10 +76,10 @@ def find_gaps(
     steps = np.diff(t)
     if len(steps) < FEWEST_LOG_INTERVALS:
         return ()
-    usual = float(np.median(steps))
+    median = float(np.median(steps))
     longest = float(np.quantile(steps, ORDINARY))
-    limit = max(GAP * usual, usual + EXCESS * (longest - usual))
-    uneven = longest > UNEVEN_INTERVALS * usual
+    limit = max(GAP * median, median + EXCESS * (longest - median))
+    uneven = longest > UNEVEN_INTERVALS * median
     if uneven:
         ordered = np.sort(steps)
         jumps = np.flatnonzero(
@@ -92,11 +92,11 @@ def find_gaps(
         after = steps[i + 1 : i + 1 + NEIGHBOURS]
         local = max(float(np.median(x)) for x in (before, after) if len(x))
         gaps[i] = steps[i] > GAP * local
-    moved = np.abs(np.diff(q, axis=0))
-    most = moved[steps <= limit].max(axis=0)
+    travel = np.abs(np.diff(q, axis=0))
+    longest_travel = travel[steps <= limit].max(axis=0)
     if uneven:
-        gaps &= (moved > MOVED * most).any(axis=1)
-    resting = _find_rests(q, moved, most, error)
+        gaps &= (travel > MOVED * longest_travel).any(axis=1)
+    resting = _find_rests(q, travel, longest_travel, error)
     return tuple(
         SampleGap(
             start=float(t[i]),
@@ -109,11 +109,18 @@ def find_gaps(
     )
 
 
-def _find_rests(q: FloatArray, moved: FloatArray, most: FloatArray, error: FloatArray) -> BoolArray:
-    """Mask of the intervals in which no joint moves, but for noise and rounding, (n - 1,)."""
+def _find_rests(
+    q: FloatArray, travel: FloatArray, longest_travel: FloatArray, error: FloatArray
+) -> BoolArray:
+    """Return the mask of the intervals in which the arm rests, except for noise, (n - 1,).
+
+    - `q`, `error`: as for `find_gaps`.
+    - `travel`: travel of each joint in every interval [rad], (n - 1, dof).
+    - `longest_travel`: longest travel of each joint in an interval without a gap [rad], (dof,).
+    """
     noise = REST_NOISE_FACTOR * NOISE_OF_MEDIAN * np.median(np.abs(np.diff(q, 3, axis=0)), axis=0)
-    still = np.maximum(REST_MOVEMENT * np.ptp(q, axis=0), noise) + 2 * error
-    slow = (moved <= np.maximum(still, SLOW_MOVEMENT * most)).all(axis=1)
+    rest_travel = np.maximum(REST_MOVEMENT * np.ptp(q, axis=0), noise) + 2 * error
+    slow = (travel <= np.maximum(rest_travel, SLOW_MOVEMENT * longest_travel)).all(axis=1)
     around = np.pad(slow, 1, constant_values=True)
-    resting: BoolArray = (moved <= still).all(axis=1) & around[:-2] & around[2:]
+    resting: BoolArray = (travel <= rest_travel).all(axis=1) & around[:-2] & around[2:]
     return resting

@@ -117,7 +117,7 @@ class Check(Result):
     __repr__ = short_repr
 
     def to_data(self) -> Data:
-        """The verdict, the distance from the path, and the use of every limit."""
+        """Return the verdict, the distance from the path, and the use of every limit."""
         worst = self.worst
         deviation = self.path_deviation
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
@@ -171,7 +171,7 @@ class Check(Result):
         )
 
     def _notes(self) -> Iterator[str]:
-        """Sentences on gaps, undecided verdicts and limits that were not checked."""
+        """Yield sentences on gaps, undecided verdicts and limits that were not checked."""
         yield from self._gap_notes()
         undecided = [x for x in self.uses if x.verdict == CANNOT_TELL]
         if names := ", ".join(x.name for x in undecided if x.certain > 1):
@@ -199,7 +199,7 @@ class Check(Result):
                 )
 
     def _gap_notes(self) -> Iterator[str]:
-        """Sentences on the intervals in which samples are missing, with the longest one."""
+        """Yield sentences on the intervals in which samples are missing, with the longest one."""
         for at_rest in (False, True):
             gaps = [x for x in self.gaps if x.at_rest == at_rest]
             if not gaps:
@@ -219,7 +219,7 @@ class Check(Result):
                 )
 
     def _moment(self, t: float) -> str:
-        """A time [s] as text, with enough digits to find the sample."""
+        """Write a time [s], with enough digits to find the sample."""
         return moment(t, self.time_decimals)
 
     @property
@@ -255,7 +255,7 @@ class Check(Result):
         return max(verdicts, key=VERDICTS.index)
 
     def __getitem__(self, name: str) -> LimitUse:
-        """The use of one limit, by its name."""
+        """Return the use of a limit by its name."""
         for use in self.uses:
             if use.name == name:
                 return use
@@ -327,11 +327,15 @@ def check(
     """
     arm = arm_of(samples, arm)
     program = None if path is None else Program.from_path(path)
-    for on in [None] if program is None else [x.path for x in program.contours]:
-        _check_path(arm, on, deviation, coverage_error, orientation_deviation)
+    checked_paths: list[Path | None] = (
+        [None] if program is None else [x.path for x in program.contours]
+    )
+    for checked_path in checked_paths:
+        _check_path(arm, checked_path, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}
     not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
+    # What is known of the whole motion, which is the first part.
     whole: _Judged | None = None
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
@@ -363,9 +367,13 @@ def check(
                 part_uses[name] = replace(use, verdict=CANNOT_TELL)
         not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
-        far = tally.farthest
-        if part.path is not None and (farthest is None or far.distance > farthest.distance):
-            farthest = replace(far, t=part.t + far.t, s=part.s + far.s)
+        part_farthest = tally.farthest
+        if part.path is not None and (
+            farthest is None or part_farthest.distance > farthest.distance
+        ):
+            farthest = replace(
+                part_farthest, t=part.t + part_farthest.t, s=part.s + part_farthest.s
+            )
     assert whole is not None
     first_speed, last_speed = whole.end_speeds.max(axis=1).tolist()
     return Check(
@@ -387,6 +395,7 @@ def check(
 
 
 def _is_law(motion: Any) -> bool:
+    """Return whether a motion is a `TimeLaw`, not samples."""
     return callable(motion) and hasattr(motion, "breaks")
 
 
@@ -404,10 +413,10 @@ class _Part:
 def _split(samples: Any, arm: Arm, program: Program | None, bounds: Limits) -> list[_Part]:
     """Split a motion: the whole motion with joint limits, and its contours with tool limits."""
     spans = getattr(samples, "spans", ())
-    plural = program is not None and len(program.moves) > 1
-    if not plural and (program is not None or all(x.kind == "contour" for x in spans)):
-        on = None if program is None else program.path
-        return [_Part(motion=samples, limits=bounds, path=on)]
+    has_moves = program is not None and len(program.moves) > 1
+    if not has_moves and (program is not None or all(x.kind == "contour" for x in spans)):
+        path = None if program is None else program.path
+        return [_Part(motion=samples, limits=bounds, path=path)]
     tool = bounds.of_tool
     parts = [_Part(motion=samples, limits=bounds.of_joints)]
     unlimited = program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS)
@@ -449,8 +458,8 @@ def _judge_law(
     count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
     start = float(law.breaks[0])
     end = float(law.breaks[-1])
-    first = law(np.array([start]), 1)
-    last = law(np.array([end]), 1, side="left")
+    start_velocity = law(np.array([start]), 1)
+    end_velocity = law(np.array([end]), 1, side="left")
     return _Judged(
         reconstruction=(
             f"The motion is a continuous law and needs no reconstruction. It was checked at "
@@ -460,7 +469,7 @@ def _judge_law(
         states=count,
         start=start,
         end=end,
-        end_speeds=np.abs([first[0], last[0]]),
+        end_speeds=np.abs([start_velocity[0], end_velocity[0]]),
     )
 
 
@@ -484,7 +493,7 @@ def _judge_log(log: SampledMotion, tally: LimitUseAccumulator) -> _Judged:
 
 
 def _time_decimals(t: FloatArray) -> int:
-    """Number of decimals with which sample times, and the times between them, differ."""
+    """Return the decimals with which sample times, and the times between them, differ."""
     step = float(np.diff(t).min()) / STEPS_SHOWN
     # More decimals than a floating-point number has would be wrong.
     finest = float(np.spacing(np.abs(t).max()))
@@ -493,12 +502,12 @@ def _time_decimals(t: FloatArray) -> int:
 
 def _units_of_fastest(arm: Arm, speeds: FloatArray) -> tuple[str, str]:
     """Return the speed units of the fastest joints at both ends, from speeds, (2, dof)."""
-    first, last = np.argmax(speeds, axis=1).tolist()
-    return unit_of(arm, "rad/s", first), unit_of(arm, "rad/s", last)
+    at_start, at_end = np.argmax(speeds, axis=1).tolist()
+    return unit_of(arm, "rad/s", at_start), unit_of(arm, "rad/s", at_end)
 
 
 def _end_speeds(log: SampledMotion, limits: Limits) -> FloatArray:
-    """Joint velocities at both ends [rad/s], or lower bounds, (2, dof)."""
+    """Return the joint speeds at both ends [rad/s], (2, dof); lower bounds without velocities."""
     if log.dq is not None:
         return np.abs(log.dq[[0, -1]])
     # At the acceleration a, the velocity at an end of an interval h differs from the mean velocity
@@ -547,7 +556,7 @@ def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[st
 
 
 def _reconstruction(log: SampledMotion) -> str:
-    """Assumption about the motion between samples, in complete sentences."""
+    """Write the assumption about the motion between samples, in complete sentences."""
     columns = ", ".join(x for x in ("q", "dq", "ddq") if getattr(log, x) is not None)
     cubic = " The distance from a path is that of the cubics through q and dq."
     return (
@@ -632,7 +641,10 @@ def _check_samples(
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
-    """Bounds on the errors of times [s], (n,), and on the relative error of their period."""
+    """Return bounds on the errors of times [s], (n,), and on their common relative error.
+
+    - `resolution`: unit of the last printed digit [s].
+    """
     # If all printed times but the last are multiples of one step (regular), the true times are
     # assumed regular. The error of that step moves the last regular time by at most one printed
     # digit.
@@ -647,7 +659,7 @@ def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
 
 
 def _column(name: str, values: Any, dof: int | None) -> FloatArray:
-    """Copy of a column of samples: times if `dof` is None, else values per joint."""
+    """Copy a column of samples: times, (n,), if `dof` is None, else (n, dof)."""
     shape = (None,) if dof is None else (None, dof)
     return np.array(checks.shaped(name, values, shape, UNITS[name]))
 

@@ -90,7 +90,7 @@ def unchecked_set_points(
     cycle: float,
     arm: Arm | None,
 ) -> SetPoints:
-    """Set-points of `compensate`, without its check of limits."""
+    """Compute set-points as `compensate`, without its check of limits."""
     interval = check_cycle(cycle)
     model = servo.for_joints(trajectory.dof)
     duration = trajectory.duration
@@ -131,7 +131,11 @@ def unchecked_set_points(
 def set_point_count(
     duration: float, servo: ServoModel, cycle: float, options: CompensationOptions
 ) -> float:
-    """Approximate number of set-points of a motion."""
+    """Return the approximate number of set-points of a motion.
+
+    - `duration`: duration of the motion [s].
+    - `servo`: servo model with one value per joint.
+    """
     total = duration + options.settling(servo)
     if options.compensates:
         total += float(servo.dead_time.max()) + cycle

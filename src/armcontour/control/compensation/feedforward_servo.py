@@ -36,25 +36,26 @@ def invert_feedforward(
     If this transient is too long, it is truncated, and the set-points fade to the end of the plan.
     """
     allowed = max(int(longest_tail(duration) / cycle), 1)
-    done = len(plain) - integrator_tail(servo, duration, cycle)
-    rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
+    motion_count = len(plain) - integrator_tail(servo, duration, cycle)
+    extra = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
     # `plain` already contains the friction compensation.
     frictionless = servo.replace(friction=0.0)
-    prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
-    want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
+    without_feedforward = frictionless.without_feedforward().for_joints(plain.shape[1])
+    extended = np.concatenate([plain, np.tile(plain[-1], (extra, 1))])
+    required_means = _means(extended, cycle, without_feedforward)
     start = plain[0]
-    set_points = _solve_means(want - start, cycle, servo) + start
+    set_points = _solve_means(required_means - start, cycle, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MAX_CORRECTIONS):
-            error = want - _means(set_points, cycle, frictionless)
+            error = required_means - _means(set_points, cycle, frictionless)
             set_points += _solve_means(error, cycle, servo)
             if np.abs(error).max() <= CORRECTION_TOLERANCE:
                 break
-    moves = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED_DISTANCE).any(axis=1))
-    length = max(done, moves[-1] + 2 if len(moves) else 0)
-    if length > done + allowed:
-        set_points = set_points[: done + allowed]
-        return set_points, _fade(set_points[done:], plain[-1], cycle, servo)
+    unsettled = np.flatnonzero((np.abs(set_points - plain[-1]) > SETTLED_DISTANCE).any(axis=1))
+    length = max(motion_count, unsettled[-1] + 2 if len(unsettled) else 0)
+    if length > motion_count + allowed:
+        set_points = set_points[: motion_count + allowed]
+        return set_points, _fade(set_points[motion_count:], plain[-1], cycle, servo)
     set_points = set_points[:length]
     set_points[-1] = plain[-1]
     return np.asarray(set_points), None
@@ -72,20 +73,24 @@ def tail_duration(servo: ServoModel, duration: float) -> float:
 
 
 def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Fade set-points to the last one, in place; return bounds of joint errors [rad], (dof,)."""
+    """Fade set-points to the last one, in place; return bounds of joint errors [rad], (dof,).
+
+    - `tail`: set-points after the motion [rad], (n, dof).
+    - `last`: last set-point, at the end of the plan [rad], (dof,).
+    """
     # The exact tail moves no joint, so the error is the response to the removed part of the tail.
     # After the tail, the set-points are constant, so the error decays.
-    share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
-    removed = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
+    weight = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
+    removed = np.pad((last - tail) * weight[:, None], ((1, 0), (0, 0)))
     tail += removed[1:]
     if servo.ki.any():
         # With an integrator, joints overshoot after the tail.
         extra = int(np.ceil(INTEGRATOR_SETTLING / (servo.slowest * cycle)))
         removed = np.pad(removed, ((0, extra), (0, 0)), mode="edge")
-    still = np.zeros(tail.shape[1])
-    prompt = servo.replace(dead_time=still, friction=still)
-    run = ServoSimulation(removed, cycle, prompt).run(0, len(removed) - 1, still, still)
-    q, dq, _ = np.abs(run.states).T
+    zeros = np.zeros(tail.shape[1])
+    linear = servo.replace(dead_time=zeros, friction=zeros)
+    response = ServoSimulation(removed, cycle, linear).run(0, len(removed) - 1, zeros, zeros)
+    q, dq, _ = np.abs(response.states).T
     change = np.abs(np.diff(removed, axis=0)).max(axis=0)
     # between, after: bounds of the additional errors between the samples and after the last sample.
     # The friction term bounds the effect of reversals.
@@ -101,31 +106,33 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solve_means(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Solve for set-points, (n, dof), from the command's means over the interval before each."""
-    # Set-points and means are relative to the position before the first set-point [rad]. Cubic
-    # interpolation is approximated by linear interpolation.
+    """Return set-points for which the command has the given means [rad], (n, dof).
+
+    - `means`: means over the interval before each set-point [rad], (n, dof).
+
+    Set-points and means are relative to the position before the first set-point. Cubic
+    interpolation is approximated by linear interpolation.
+    """
     from scipy.signal import lfilter
 
     set_points = np.empty_like(means)
-    held = servo.interpolation == "step"
-    for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
+    for j, (velocity_lead, acceleration_lead) in enumerate(zip(*servo.lead, strict=True)):
         # Weights of first and second differences of set-points in the command.
-        first = a / cycle
-        second = b / cycle**2
-        if held:
+        first = velocity_lead / cycle
+        second = acceleration_lead / cycle**2
+        if servo.interpolation == "step":
             # In the cycle that ends at set-point k, the command is set-point k - 1.
             set_points[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
             set_points[-1, j] = means[-1, j]
             continue
         line = np.array([0.5 + first, 0.5 - first])
         curvature = second * np.array([1.0, -2.0, 1.0])
-        shares = np.ones(1)
+        denominator = np.ones(1)
         if servo.ki[j]:
             # Acceleration feed-forward bypasses the integrator.
-            share, shares = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
-            line = np.convolve(line, shares)
-            curvature = np.convolve(curvature, share)
-        set_points[:, j] = lfilter(
-            shares, np.polynomial.polynomial.polyadd(line, curvature), means[:, j]
-        )
+            numerator, denominator = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
+            line = np.convolve(line, denominator)
+            curvature = np.convolve(curvature, numerator)
+        response = np.polynomial.polynomial.polyadd(line, curvature)
+        set_points[:, j] = lfilter(denominator, response, means[:, j])
     return set_points

@@ -54,7 +54,7 @@ INVERSE = Inverse()
 def invert_servo(
     trajectory: Trajectory, servo: ServoModel, cycle: float
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by the inverse servo [rad], (n, dof).
+    """Return the first set-point's time [s], and set-points by the inverse servo [rad], (n, dof).
 
     The saturation of the servo is ignored.
     """
@@ -66,6 +66,7 @@ def invert_servo(
     tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        """Return the set-points of some joints at these times [rad], (n, len(joints))."""
         t = times.inside
         if len(t) and times.after_end < cycle / 2:
             # The cycle about the first set-point after the motion contains a part of the motion.
@@ -74,11 +75,11 @@ def invert_servo(
         # half a drive cycle later.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q = np.concatenate([q, tail + final])
-        ends = np.concatenate([dq, tail])
-        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
-        commands = servo.command(q, ends, ddq)
-        inside = commands[: len(t)]
-        inside -= BIAS[servo.interpolation] * _second_differences(inside, trajectory, t, cycle)
+        dq = np.concatenate([dq, tail])
+        ddq = without_integral(dq, np.concatenate([ddq, tail]), servo, cycle)
+        commands = servo.command(q, dq, ddq)
+        moving = commands[: len(t)]
+        moving -= BIAS[servo.interpolation] * _second_differences(moving, trajectory, t, cycle)
         return np.concatenate([commands, final])[:, joints]
 
     return advance_set_points(
@@ -89,7 +90,7 @@ def invert_servo(
 def _means(
     trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the cycles about times t, (n, dof) each.
+    """Return the means of q, dq and ddq over the cycles about times t, (n, dof) each.
 
     Before and after the motion, the joints rest. Means of q are computed by Simpson's rule, which
     is exact up to third order. Means of ddq are for cycles that are shifted by `ahead` [s].
@@ -100,22 +101,26 @@ def _means(
     # All times are evaluated at once, because a program has thousands of motion laws.
     q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
     count = len(shifts)
-    first, middle, last = (q[k::count] for k in range(3))
+    start, middle, end = (q[k::count] for k in range(3))
+    # Velocities at the start and end of the shifted cycle, or of the cycle itself without a shift.
     before = dq[count // 4 * 3 :: count]
     after = dq[count - 1 :: count]
-    return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
+    return (start + 4 * middle + end) / 6, (end - start) / cycle, (after - before) / cycle
 
 
 def _second_differences(
     u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
 ) -> FloatArray:
-    """Second differences of set-points with a half-width up to HALF_WIDTH intervals, (n, dof)."""
-    # The differences are within one move. They decrease to 0 towards both ends of the move, because
-    # set-points at rest have no bias.
+    """Return weighted second differences of set-points per squared cycle [rad], (n, dof).
+
+    - `u`: set-points at times t [rad], (n, dof).
+    """
+    # Their half-width is at most HALF_WIDTH cycles, and they are within one move. They decrease to
+    # 0 towards both ends of the move, because set-points at rest have no bias.
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
-    inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
-    reach = np.clip(np.floor(inside + SNAP), 0, HALF_WIDTH).astype(np.intp)
+    cycles_to_end = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
+    half_width = np.clip(np.floor(cycles_to_end + SNAP), 0, HALF_WIDTH).astype(np.intp)
     i = np.arange(len(t))
-    weight = np.clip(inside / HALF_WIDTH, 0, 1) / np.maximum(reach, 1) ** 2
-    return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))
+    weight = np.clip(cycles_to_end / HALF_WIDTH, 0, 1) / np.maximum(half_width, 1) ** 2
+    return np.asarray(weight[:, None] * (u[i + half_width] - 2 * u + u[i - half_width]))

@@ -81,7 +81,7 @@ def invert_dynamics(
     gravity_feedforward: bool,
     controller: Arm | None,
 ) -> tuple[float, FloatArray]:
-    """Time of the first set-point [s], and set-points by the inverse `Drives` [rad], (n, dof)."""
+    """Return the first set-point's time [s], and set-points by inverse `Drives` [rad], (n, dof)."""
     if arm is None:
         raise InvalidInput(
             "The method inverse_dynamics requires an arm with masses, but no arm is given. "
@@ -96,14 +96,14 @@ def invert_dynamics(
         arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
     )
     ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
-    still = np.zeros((1, arm.dof))
+    at_rest = np.zeros((1, arm.dof))
     # Friction at rest is unknown and assumed to be zero, so at rest the drives compensate only
     # gravity.
-    hold, final = (drives.command(x, still, still) for x in ends)
+    hold, final = (drives.command(x, at_rest, at_rest) for x in ends)
     tail = np.arange(integrator_tail(servo, trajectory.duration, cycle)) * cycle
 
     def command_at(t: FloatArray) -> FloatArray:
-        """Exact command at times t [rad], (n, dof)."""
+        """Return the exact command at times t [rad], (n, dof)."""
         moving = (t >= 0) & (t < trajectory.duration)
         q = np.where((t < 0)[:, None], *ends)
         dq, ddq = np.zeros((2, *q.shape))
@@ -111,6 +111,7 @@ def invert_dynamics(
         return drives.command(q, dq, ddq, cycle / 2)
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        """Return the set-points of some joints at these times [rad], (n, len(joints))."""
         t = np.append(times.inside, trajectory.duration + times.after_end + tail)
         commands = final
         if len(t):
@@ -131,15 +132,17 @@ def invert_dynamics(
 def _solve_set_points(
     points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
 ) -> FloatArray:
-    """Set-points whose interpolation has the means of the command about each of them, (n, dof).
+    """Return set-points whose interpolation has the means of the exact command [rad], (n, dof).
 
     For held set-points, a mean is over the interval of the set-point. For lines and cubics, a mean
     has triangular weights from the previous to the next set-point. With these weights, lines are
     the least-squares approximation of the command. Means are computed by Simpson's rule.
 
-    - `points`: command at the set-points.
+    - `points`: command at the set-points [rad], (n, dof).
     - `halves`: command half an interval before the first set-point and half an interval after each
-      set-point.
+      set-point [rad], (n + 1, dof).
+    - `hold`, `final`: set-points before the first and after the last one [rad], (1, dof).
+    - `interpolation`: "step", "linear" or "cubic".
     """
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)

@@ -37,7 +37,11 @@ UNLIMITED = np.array([[-np.inf], [np.inf]])
 def limit_set_points(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
-    """Replace set-points by the nearest set-points within command limits."""
+    """Replace set-points by the nearest ones within command limits.
+
+    - `servo`: nominal servo, with which the resulting errors are estimated.
+    - `arm`: arm for the contour errors; by default the arm of the plan.
+    """
     dof = set_points.q.shape[1]
     cycle = set_points.cycle
     limits = check_command_limits(limits, dof)
@@ -46,12 +50,13 @@ def limit_set_points(
         return replace(set_points, command_limits=limits)
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
     # If a limit is active, set-points begin earlier and end later, because a compensated command
-    # accelerates and decelerates faster than its joint.
-    jerky = np.isfinite(bounds[2, 1])
-    ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
-    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
-    for longer_by in (usual, LONGEST_TAIL):
-        extra = int(np.ceil(longer_by / cycle))
+    # accelerates and decelerates faster than its joint. If the short extension is not sufficient,
+    # the longest one is tried.
+    limited = np.isfinite(bounds[2, 1])
+    ramp = float((bounds[2, 1, limited] / bounds[3, 1, limited]).max(initial=0.0))
+    short = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
+    for extension in (short, LONGEST_TAIL):
+        extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
         nearest, joint = nearest_commands(q, cycle, bounds)
         if joint is None:
@@ -71,12 +76,13 @@ def limit_set_points(
         start_time=set_points.start_time - extra * cycle,
         command_limits=limits,
     )
-    return replace(longer, limit_cost=_limit_cost(longer, nearest - q, servo, arm))
+    return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
     """Raise an error if the plan exceeds bounds.
 
+    - `bounds`: as from `command_bounds`, or its first orders.
     - `share`: fraction by which bounds of derivatives are widened.
     """
     plan = set_points.trajectory
@@ -90,13 +96,13 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     name = excess.name
     joint = excess.joint
     unit = unit_of(plan.arm, LIMITS[name].unit, joint)
-    at = float(t[excess.row])
+    time = float(t[excess.row])
     limit = f"{excess.allowed:.6g} {unit}"
     raise CompensationError(
         f"The plan must stay within command_limits.{name} of {limit}, but joint {joint + 1} has "
-        f"{excess.needed:.6g} {unit} at t = {at:.6g} s. Set-points within the limit would leave "
+        f"{excess.needed:.6g} {unit} at t = {time:.6g} s. Set-points within the limit would leave "
         f"the path. Plan with limits.{name} of {limit}, or increase the command limit.",
-        t=at,
+        t=time,
         joint=joint,
         limit=name,
         needed=excess.needed,
@@ -104,10 +110,18 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     )
 
 
-def _limit_cost(
+def _estimate_errors(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
-    """Return errors due to a change of set-points [rad], (n, dof), with linear servos."""
+    """Estimate the errors due to a change of the set-points.
+
+    A servo without friction and saturation is linear. So its response to the change, simulated
+    from rest, is the deviation of the joints from the plan.
+
+    - `set_points`: the changed set-points.
+    - `change`: changed less original set-points [rad], (n, dof).
+    - `arm`: arm for the contour errors; by default the arm of the plan.
+    """
     deviation = np.abs(change).max(axis=0)
     plan = set_points.trajectory
     arm = plan.arm if arm is None else arm
@@ -115,12 +129,13 @@ def _limit_cost(
     paths = plan.paths_at(times)
     if arm is None or not paths:
         return LimitCost(deviation=deviation, arm=arm)
-    still = np.zeros(change.shape[1])
+    at_rest = np.zeros(change.shape[1])
     linear = servo.replace(friction=0.0, drive_cycle=0.0)
-    run = ServoSimulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
-    moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
-    tool = arm.tool_position(plan.with_rests(times) + moved)
-    distances = np.concatenate([path.project(tool[which]).distance for path, which in paths])
+    simulation = ServoSimulation(change, set_points.cycle, linear)
+    response = simulation.run(0, len(change) - 1, at_rest, at_rest).states.T[0]
+    joint_errors = np.pad(response, ((1, 0), (0, 0)))
+    tool = arm.tool_position(plan.with_rests(times) + joint_errors)
+    distances = np.concatenate([path.project(tool[samples]).distance for path, samples in paths])
     return LimitCost(
         deviation=deviation,
         contour_rms=float(np.sqrt(np.mean(distances**2))),

@@ -33,7 +33,7 @@ class SetPointTimes:
 
 
 def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
-    """Return set-point times until the motion ends.
+    """Return the times of set-points until the motion ends, one per cycle.
 
     - `offset`: first time, 0 or before the motion [s].
     """
@@ -41,10 +41,10 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
     breaks = trajectory.breaks
-    near = np.clip(np.searchsorted(breaks, grid), 1, len(breaks) - 1)
-    near -= grid - breaks[near - 1] < breaks[near] - grid
-    close = np.abs(breaks[near] - grid) < SNAP * cycle
-    grid[close] = breaks[near][close]
+    nearest = np.clip(np.searchsorted(breaks, grid), 1, len(breaks) - 1)
+    nearest -= grid - breaks[nearest - 1] < breaks[nearest] - grid
+    at_break = np.abs(breaks[nearest] - grid) < SNAP * cycle
+    grid[at_break] = breaks[nearest][at_break]
     return SetPointTimes(
         before=int((grid < 0).sum()),
         inside=grid[grid >= 0],
@@ -78,16 +78,16 @@ def advance_set_points(
       the start.
     - `from_rest`: if True, the first set-point of every joint is at rest.
     """
-    whole = lead.max() / cycle
-    early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
+    lead_cycles = lead.max() / cycle
+    early = int(np.floor(lead_cycles + SNAP)) + 1 if from_rest else int(np.ceil(lead_cycles - SNAP))
     start = trajectory(0.0) if hold is None else hold
     columns: dict[int, FloatArray] = {}
     for advance in np.unique(lead):
         joints = np.flatnonzero(lead == advance)
         times = set_point_times(trajectory, cycle, min(float(advance) - early * cycle, 0.0))
-        still = np.tile(start[joints], (times.before, 1))
-        column = np.concatenate([still, command(times, joints)])
-        columns |= dict(zip(joints.tolist(), column.T, strict=True))
+        resting = np.tile(start[joints], (times.before, 1))
+        set_points = np.concatenate([resting, command(times, joints)])
+        columns |= dict(zip(joints.tolist(), set_points.T, strict=True))
     length = max(len(x) for x in columns.values())
     # A joint whose command ends earlier repeats its last set-point.
     padded = [

@@ -41,11 +41,11 @@ def fastest_motion(logs: Sequence[Log]) -> FastestMotion:
     velocities = []
     accelerations = []
     for log in logs:
-        some = slice(None, None, max(round(SAMPLE_SPACING / log.interval), 1))
-        rates = np.gradient(log.command[some], log.t[some], axis=0)
-        changes = np.gradient(rates, log.t[some], axis=0)
-        velocities.append(np.abs(rates).max(axis=0))
-        accelerations.append(np.abs(changes).max(axis=0))
+        spaced = slice(None, None, max(round(SAMPLE_SPACING / log.interval), 1))
+        log_velocity = np.gradient(log.command[spaced], log.t[spaced], axis=0)
+        log_acceleration = np.gradient(log_velocity, log.t[spaced], axis=0)
+        velocities.append(np.abs(log_velocity).max(axis=0))
+        accelerations.append(np.abs(log_acceleration).max(axis=0))
     velocity = np.array(velocities)
     acceleration = np.array(accelerations)
     frequency = acceleration / np.maximum(velocity, LEAST_VELOCITY)

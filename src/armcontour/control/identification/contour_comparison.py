@@ -85,12 +85,12 @@ class LogSamples:
         if all(len(x.program_rest) == len(log.t) for x in joints if x.rests):
             rests = [x.program_rest if x.rests else np.zeros(len(log.t)) for x in joints]
             residuals[PROGRAM] = np.nan_to_num(np.stack(rests, axis=1))
-        every = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
+        stride = max(int(SPACING / log.interval * (1 + 1e-6)), 1)
         return cls(
-            t=log.t[::every] - log.t[0],
-            command=log.command[::every],
-            use=use[::every],
-            residuals={name: x[::every] for name, x in residuals.items()},
+            t=log.t[::stride] - log.t[0],
+            command=log.command[::stride],
+            use=use[::stride],
+            residuals={name: x[::stride] for name, x in residuals.items()},
         )
 
     def move(self, choice: Sequence[str]) -> FloatArray:
@@ -140,26 +140,26 @@ class ContourComparison:
 
     def deviate_in(self, samples: LogSamples, choice: Sequence[str]) -> Deviations:
         """Return the deviations in one log; `choice` as in `LogSamples.move`."""
-        moved = samples.move(choice)
+        motion = samples.move(choice)
         if self.arm is None:
-            times = samples.t - self._find_common_delay(samples, moved)
-            deviations = moved - interpolate(times, samples.t, samples.command)
+            times = samples.t - self._find_common_delay(samples, motion)
+            deviations = motion - interpolate(times, samples.t, samples.command)
             errors = deviations * self.weight
         else:
             path = self.arm.tool_position(samples.command)
-            tool = self.arm.tool_position(moved)
+            tool = self.arm.tool_position(motion)
             reach = (self._longest_delay + DELAY_MARGIN) / float(np.median(np.diff(samples.t)))
             rows = np.arange(len(path), dtype=np.float64)
-            positions = find_nearest(path, tool, int(np.ceil(reach)))
+            positions = find_nearest_rows(path, tool, int(np.ceil(reach)))
             times = np.interp(positions, rows, samples.t)
-            deviations = moved - interpolate(times, samples.t, samples.command)
+            deviations = motion - interpolate(times, samples.t, samples.command)
             errors = tool - interpolate(positions, rows, path)
         if set(choice) == {NONE}:
             square = float(np.mean(np.sum(errors[samples.use] ** 2, axis=1)))
         else:
             square = _remove_noise(errors, samples.use, self.least_signal)
-        each = np.sqrt(np.mean(deviations[samples.use] ** 2, axis=0))
-        return Deviations(contour=math.sqrt(square), joints=each)
+        joint_rms = np.sqrt(np.mean(deviations[samples.use] ** 2, axis=0))
+        return Deviations(contour=math.sqrt(square), joints=joint_rms)
 
     def noise(self, noises: FloatArray) -> float:
         """Return the RMS contour error that the noise of the encoders alone causes.
@@ -176,15 +176,17 @@ class ContourComparison:
         """Longest delay of a joint [s]."""
         return float(self.delays.max())
 
-    def _find_common_delay(self, samples: LogSamples, moved: FloatArray) -> float:
+    def _find_common_delay(self, samples: LogSamples, motion: FloatArray) -> float:
         """Return the common delay of all joints, which causes no contour error [s].
+
+        - `motion`: motion of the joints [rad], (n, dof).
 
         A single joint has no contour, so each delay counts as an error.
         """
         if len(self.weight) == 1:
             return 0.0
-        motion = (samples.t, samples.command * self.weight, moved * self.weight)
-        return find_delay([motion], -DELAY_MARGIN, self._longest_delay + DELAY_MARGIN)
+        weighted = (samples.t, samples.command * self.weight, motion * self.weight)
+        return find_delay([weighted], -DELAY_MARGIN, self._longest_delay + DELAY_MARGIN)
 
 
 def residual_rms(samples: Sequence[LogSamples], written: str) -> FloatArray:
@@ -244,17 +246,17 @@ def find_delay(
     """
     delay = 0.0
     for _ in range(NEWTON_STEPS):
-        above = below = 0.0
+        numerator = denominator = 0.0
         for t, command, q in motions:
             errors = q - interpolate(t - delay, t, command)
             rate = interpolate(t - delay, t, np.gradient(command, t, axis=0))
-            above -= float(np.sum((errors - errors.mean(axis=0)) * rate))
-            below += float(np.sum(rate**2))
-        delay = float(np.clip(delay + above / max(below, TINY), low, high))
+            numerator -= float(np.sum((errors - errors.mean(axis=0)) * rate))
+            denominator += float(np.sum(rate**2))
+        delay = float(np.clip(delay + numerator / max(denominator, TINY), low, high))
     return delay
 
 
-def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArray:
+def find_nearest_rows(curve: FloatArray, points: FloatArray, reach: int) -> FloatArray:
     """Return fractional indices of the curve's points that are nearest to each point, (n,).
 
     - `curve`, `points`: corners of a polyline and points at the same times, (n, m).
@@ -265,13 +267,13 @@ def find_nearest(curve: FloatArray, points: FloatArray, reach: int) -> FloatArra
     positions = np.zeros(n)
     rows = np.arange(n)
     edges = np.diff(curve, axis=0)
-    lengths = np.maximum(np.sum(edges**2, axis=1), TINY)
+    squared_lengths = np.maximum(np.sum(edges**2, axis=1), TINY)
     for k in range(-reach, reach + 1):
         start = np.clip(rows + k, 0, n - 2)
         edge = edges[start]
         offset = points - curve[start]
-        share = np.clip(np.sum(offset * edge, axis=1) / lengths[start], 0.0, 1.0)
-        squares = np.sum((offset - share[:, None] * edge) ** 2, axis=1)
-        positions = np.where(squares < nearest, start + share, positions)
+        fraction = np.clip(np.sum(offset * edge, axis=1) / squared_lengths[start], 0.0, 1.0)
+        squares = np.sum((offset - fraction[:, None] * edge) ** 2, axis=1)
+        positions = np.where(squares < nearest, start + fraction, positions)
         nearest = np.minimum(squares, nearest)
     return positions

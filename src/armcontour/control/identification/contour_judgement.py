@@ -1,4 +1,4 @@
-"""Choice of the written models by the contour error, and its judgement."""
+"""Selects the models for the servo file by predicted contour error, and judges their quality."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def choose_and_judge(
     """
     comparison = ContourComparison.of(logs, joints, longest, arm)
     choice = _choose(comparison, joints)
-    chosen = _Choice(comparison=comparison, written=choice, left=comparison.deviate(choice))
+    chosen = _Choice(comparison=comparison, written=choice, remaining=comparison.deviate(choice))
     are_good = not any(x.note for x in joints)
     judged = []
     for j, joint in enumerate(joints):
@@ -75,13 +75,17 @@ def choose_and_judge(
 
 
 def _choose(comparison: ContourComparison, joints: Sequence[JointIdentification]) -> list[str]:
-    """Return what is written of each joint, see `choose_and_judge`."""
+    """Return what is written of each joint, a key of `LogSamples.residuals`.
+
+    See `choose_and_judge`.
+    """
     tracking = residual_rms(comparison.samples, NONE)
     delayed = residual_rms(comparison.samples, DELAY_ONLY)
 
     def cost(choice: Sequence[str]) -> float:
+        """Return the sum of the squared contour errors, relative to those without compensation."""
         pairs = zip(comparison.deviate(choice), comparison.none, strict=True)
-        return sum((left.contour / max(none.contour, TINY)) ** 2 for left, none in pairs)
+        return sum((remaining.contour / max(none.contour, TINY)) ** 2 for remaining, none in pairs)
 
     choice = [MODEL if x.written else NONE for x in joints]
     for j, joint in enumerate(joints):
@@ -104,13 +108,15 @@ class _Choice:
 
     comparison: ContourComparison
     written: list[str]
-    left: list[Deviations]
+    remaining: list[Deviations]
 
     @property
     def shares(self) -> FloatArray:
         """Deviations that are left, relative to those without compensation, (logs, dof)."""
-        pairs = zip(self.left, self.comparison.none, strict=True)
-        return np.array([left.joints / np.maximum(none.joints, TINY) for left, none in pairs])
+        pairs = zip(self.remaining, self.comparison.none, strict=True)
+        return np.array(
+            [remaining.joints / np.maximum(none.joints, TINY) for remaining, none in pairs]
+        )
 
     def worst_log(self, j: int) -> int:
         """Return the index of the log in which most of joint j's deviation is left."""
@@ -123,12 +129,12 @@ class _Choice:
         """
         i = self.worst_log(j)
         weight = self.comparison.weight
-        left = self.left[i].joints
-        remaining = float(np.linalg.norm(left * weight))
+        remaining = self.remaining[i].joints
+        contour_error = float(np.linalg.norm(remaining * weight))
         return bool(
             self.shares[i, j] > TRUSTED
-            and left[j] > NOISE_MULTIPLE * np.nan_to_num(noise)
-            and left[j] * weight[j] > MAIN_SHARE * remaining
+            and remaining[j] > NOISE_MULTIPLE * np.nan_to_num(noise)
+            and remaining[j] * weight[j] > MAIN_SHARE * contour_error
         )
 
 
@@ -137,11 +143,11 @@ def _describe_weakness(
 ) -> str:
     """Return the note on a joint that is weak, see `_Choice.is_weak`."""
     i = chosen.worst_log(j)
-    left = chosen.left[i].joints[j]
+    remaining = chosen.remaining[i].joints[j]
     none = chosen.comparison.none[i].joints[j]
     return (
         f"The model of {joint.name} is weak: {chosen.shares[i, j]:.0%} of its deviation from the "
-        f"contour of {logs[i].source} remains with compensation ({left * 1e3:.3g} of "
+        f"contour of {logs[i].source} remains with compensation ({remaining * 1e3:.3g} of "
         f"{none * 1e3:.3g} {'mm' if joint.prismatic else 'mrad'} RMS), which is most of the "
         f"remaining contour error of this log. {RECORD}"
     )
@@ -156,15 +162,15 @@ def _judge(
     """Return the contour errors with and without compensation; arguments of `choose_and_judge`."""
     comparison = chosen.comparison
     before = np.array([x.contour for x in comparison.none])
-    after = np.array([x.contour for x in chosen.left])
+    after = np.array([x.contour for x in chosen.remaining])
     ratio = after / np.maximum(before, TINY)
     noise = comparison.noise(np.nan_to_num(np.array([x.noise for x in joints])))
     if program is None:
         program_ratio = float(ratio[fastest_motion(logs).slow_logs].max())
     else:
         names = [PROGRAM if x == MODEL else x for x in chosen.written]
-        left = comparison.deviate_in(comparison.samples[program], names).contour
-        program_ratio = left / max(float(before[program]), TINY)
+        remaining = comparison.deviate_in(comparison.samples[program], names).contour
+        program_ratio = remaining / max(float(before[program]), TINY)
     return Judgement(
         programs=count_programs(logs),
         ratios=np.where(after > NOISE_MULTIPLE * noise, ratio, np.minimum(ratio, TRUSTED)),

@@ -100,6 +100,7 @@ def predict_parts(
     segments = judged or problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
+        """Return the positions that a servo predicts in a segment [rad], (n,)."""
         limited = limited_servo(servo, limit)
         return predict(s, limited, problem.model.order, problem.search.drive_cycle)
 
@@ -136,7 +137,7 @@ def predict_parts(
 def _fit_without(result: Fit, part: int) -> JointServo:
     """Return the servo that fits all samples except for those of one part."""
     problem = result.problem
-    others = [replace(s, use=s.use & (s.part != part)) for s in problem.segments]
-    indices = [i for i, s in enumerate(others) if s.use.any()]
-    other = Problem(problem.model, [others[i] for i in indices], problem.search)
-    return fit(other, [problem.select(result.x, indices)], REFIT_EVALUATIONS).servo
+    segments = [replace(s, use=s.use & (s.part != part)) for s in problem.segments]
+    indices = [i for i, s in enumerate(segments) if s.use.any()]
+    reduced = Problem(problem.model, [segments[i] for i in indices], problem.search)
+    return fit(reduced, [problem.unknowns_of_segments(result.x, indices)], REFIT_EVALUATIONS).servo

@@ -248,8 +248,8 @@ class Identification(Result, Frozen):
 
     def _tables(self) -> tuple[Table, Table]:
         """Return two tables: one with all rows of each joint, one with its estimates only."""
-        every = [x.to_data() for x in self.joints]
-        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
+        joint_data = [x.to_data() for x in self.joints]
+        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in joint_data]
         names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
         parameters = []
         for joint in self.joints:

@@ -108,10 +108,10 @@ def _limited_parameters(
     for loop in LIMITED_LOOPS:
         parameters = _parameters_of(loop, lag)
         loops.append({**parameters, DELAY: min(parameters[DELAY], USUAL_DELAY)})
-    tops = []
+    accelerations = []
     for time in ACCELERATION_TIMES:
-        tops.append(max(_largest_acceleration(s, time) for s in segments))
-    limits = (*tops, LIMIT_MULTIPLE * max(tops))
+        accelerations.append(max(_largest_acceleration(s, time) for s in segments))
+    limits = (*accelerations, LIMIT_MULTIPLE * max(accelerations))
     return [{**x, LIMIT: limit} for x, limit in product(loops, limits)]
 
 

@@ -51,11 +51,15 @@ def fit_initial_state(
     scale = INITIAL_SCALES[:count]
     used = segment.use
     y = segment.y
-    # Row k is a step of initial value k; that of the offset needs no simulation.
-    steps = np.diag(INITIAL_SCALES)[:count] * (1.0 if unsaturated else DERIVATIVE_STEP)
-    steps[0] = 0.0
+    step_sizes = scale * (1.0 if unsaturated else DERIVATIVE_STEP)
+    # Row 0 has no step. Row k > 0 is a step of initial value k. The offset, value 0, needs no step,
+    # because it shifts the positions.
+    steps = np.zeros((count, len(INITIAL_SCALES)))
+    values = np.arange(1, count)
+    steps[values, values] = step_sizes[1:]
 
     def simulate(initial: FloatArray) -> FloatArray:
+        """Return predicted positions with initial values, (m, 4), as (m, n) [rad]."""
         offset, q0, dq0, ddq0 = initial.T
         q = follow(segment.command, servo, q0, dq0, drive_cycle, ddq0)
         return np.asarray(q + offset[:, None])
@@ -63,8 +67,7 @@ def fit_initial_state(
     x = np.array([0.0, y[0], segment.velocity, 0.0])
     q = simulate(x + steps)
     for _ in range(1 if unsaturated else MAX_STATE_STEPS):
-        slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
-        slopes[0] = 1.0
+        slopes = _position_slopes(q, step_sizes)
         # Normal equations of the step, and the squared error.
         rows = np.concatenate([slopes[:, used] * scale[:, None], (y - q[0])[None, used]])
         gram = np.einsum("ik,jk->ij", rows, rows)
@@ -80,3 +83,15 @@ def fit_initial_state(
         else:
             break
     return SegmentPrediction(positions=np.asarray(q[0]), offset=float(x[0]))
+
+
+def _position_slopes(q: FloatArray, step_sizes: FloatArray) -> FloatArray:
+    """Return the derivatives of positions by the initial values, (values, n).
+
+    - `q`: predicted positions [rad], (values, n): row 0 without a step, row k with a step of
+      initial value k.
+    - `step_sizes`: sizes of the steps, (values,).
+    """
+    slopes = np.ones_like(q)  # By the offset, the derivative is 1.
+    slopes[1:] = (q[1:] - q[0]) / step_sizes[1:, None]
+    return slopes

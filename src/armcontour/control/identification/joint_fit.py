@@ -116,8 +116,8 @@ class Problem:
             initial += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.initial_count]
         return np.asarray(np.clip(np.concatenate([parameters, initial]), self.low, self.high))
 
-    def select(self, unknowns: FloatArray, indices: Sequence[int]) -> FloatArray:
-        """Return the unknowns of a problem with only the segments of these indices."""
+    def unknowns_of_segments(self, unknowns: FloatArray, indices: Sequence[int]) -> FloatArray:
+        """Return the unknowns of a problem that has only the segments with these indices."""
         initial = unknowns[self.parameter_count :].reshape(-1, self.initial_count)[list(indices)]
         return np.concatenate([unknowns[: self.parameter_count], initial.ravel()])
 
@@ -144,38 +144,40 @@ class Problem:
         servo = self.servo(values)
         # Row of each unknown's derivative in the result; row 0 has the residuals.
         row_of = np.cumsum(only)
-        every = np.zeros((1 + int(row_of[-1]), sum(len(k) for k in self.used)))
+        rows_of_result = np.zeros((1 + int(row_of[-1]), sum(len(k) for k in self.used)))
         end = 0
         for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
-            first = m + i * self.initial_count
+            offset_index = m + i * self.initial_count
             initial = np.zeros((rows, len(INITIAL_SCALES)))
-            initial[:, : self.initial_count] = unknowns[first : first + self.initial_count]
+            own_unknowns = unknowns[offset_index : offset_index + self.initial_count]
+            initial[:, : self.initial_count] = own_unknowns
             initial[np.arange(first_state, rows), states] += self.steps[m + states]
             _, q0, dq0, ddq0 = initial.T
             q = follow(s.command, servo, q0, dq0, self.search.drive_cycle, ddq0).take(used, axis=1)
-            block = every[:, end : end + len(used)]
+            block = rows_of_result[:, end : end + len(used)]
             end = end + len(used)
             block[row_of[searched]] = (q[1:first_state] - q[0]) / self.steps[searched, None]
-            block[row_of[first + states]] = (q[first_state:] - q[0]) / self.steps[m + states, None]
-            if only[first]:
-                block[row_of[first]] = 1.0
-            block[0] = q[0] + unknowns[first] - s.y[used]
-        every *= MRAD
-        if not np.isfinite(every.sum()):
-            every = np.nan_to_num(every, nan=MAX_RESIDUAL)
-        return np.clip(every[0], -MAX_RESIDUAL, MAX_RESIDUAL), every[1:].T
+            state_steps = self.steps[m + states, None]
+            block[row_of[offset_index + states]] = (q[first_state:] - q[0]) / state_steps
+            if only[offset_index]:
+                block[row_of[offset_index]] = 1.0
+            block[0] = q[0] + unknowns[offset_index] - s.y[used]
+        rows_of_result *= MRAD
+        if not np.isfinite(rows_of_result.sum()):
+            rows_of_result = np.nan_to_num(rows_of_result, nan=MAX_RESIDUAL)
+        return np.clip(rows_of_result[0], -MAX_RESIDUAL, MAX_RESIDUAL), rows_of_result[1:].T
 
     def residuals(self, unknowns: FloatArray) -> FloatArray:
         """Return simulated less measured positions of the used samples [mrad], (samples,)."""
         return self.linearize(unknowns, np.full(len(unknowns), False))[0]
 
-    def project(self, unknowns: FloatArray) -> Projection:
+    def project(self, unknowns: FloatArray) -> LinearSolution:
         """Solve for the linear unknowns; the others keep their values."""
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(unknowns, self.linear)
         if np.abs(start).max() >= MAX_RESIDUAL:
             # The simulation diverged; an offset must not hide this.
-            return Projection(unknowns, start, slopes[:, :0])
+            return LinearSolution(unknowns, start, slopes[:, :0])
         slopes, size = normalize(slopes * self.scale[linear], LEAST_EFFECT)
         size /= self.scale[linear]
         low, high = ((y[linear] - unknowns[linear]) * size for y in (self.low, self.high))
@@ -183,7 +185,7 @@ class Problem:
         best = unknowns.copy()
         best[linear] = np.clip(unknowns[linear] + step / size, self.low[linear], self.high[linear])
         residuals = start + np.einsum("ki,i->k", slopes, step)
-        return Projection(best, residuals, slopes[:, within])
+        return LinearSolution(best, residuals, slopes[:, within])
 
     def cost(self, unknowns: FloatArray) -> float:
         """Return half of the squared residuals' sum with the best linear unknowns [mrad²]."""
@@ -199,9 +201,10 @@ class Problem:
         """
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
-        latest = Projection(begin, np.empty(0), np.empty((0, 0)))
+        latest = LinearSolution(begin, np.empty(0), np.empty((0, 0)))
 
         def residuals(z: FloatArray) -> FloatArray:
+            """Return the residuals with nonlinear unknowns z, and the best linear ones [mrad]."""
             nonlocal latest
             trial = begin.copy()
             trial[searched] = z
@@ -209,16 +212,17 @@ class Problem:
             return latest.residuals
 
         def slopes(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+            """Return the residuals and their derivatives by z, without the span of L."""
             if (latest.unknowns[searched] != z).any():
                 residuals(z)
-            every = np.column_stack(self.linearize(latest.unknowns, ~self.linear))
+            columns = np.column_stack(self.linearize(latest.unknowns, ~self.linear))
             linear = latest.slopes
             inverse = invert(np.einsum("ki,kj->ij", linear, linear))[0]
             # The second iteration removes the rounding errors of the first iteration.
             for _ in range(2):
-                shares = inverse @ np.einsum("ki,kj->ij", linear, every)
-                every -= np.einsum("ki,ij->kj", linear, shares)
-            return every[:, 0], every[:, 1:]
+                projection = inverse @ np.einsum("ki,kj->ij", linear, columns)
+                columns -= np.einsum("ki,ij->kj", linear, projection)
+            return columns[:, 0], columns[:, 1:]
 
         bounds = self.low[searched], self.high[searched]
         solution = solve(residuals, slopes, begin[searched], bounds, evaluations)
@@ -227,7 +231,7 @@ class Problem:
         return solution
 
 
-class Projection(NamedTuple):
+class LinearSolution(NamedTuple):
     """Unknowns of a problem with the best linear unknowns."""
 
     unknowns: FloatArray  # (n,)
@@ -295,10 +299,10 @@ class Fit:
         """Return names of the parameters at their lower bounds, and at their upper bounds."""
         p = self.problem
         m = p.parameter_count
-        near = BOUND_SHARE * p.scale[:m]
+        tolerance = BOUND_SHARE * p.scale[:m]
         names = np.array(p.model.free)
-        low = self.x[:m] - p.low[:m] < near
-        high = p.high[:m] - self.x[:m] < near
+        low = self.x[:m] - p.low[:m] < tolerance
+        high = p.high[:m] - self.x[:m] < tolerance
         return set(names[low].tolist()), set(names[high].tolist())
 
 

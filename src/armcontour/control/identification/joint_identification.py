@@ -18,8 +18,8 @@ from armcontour.control.identification.identification_result import (
 from armcontour.control.identification.initial_state import predict
 from armcontour.control.identification.joint_fit import MRAD
 from armcontour.control.identification.joint_motion import (
-    JointMotion,
     LogError,
+    LoggedJoint,
     NoModel,
     find_worst_log,
     rms_of,
@@ -62,7 +62,7 @@ def identify_joint(
 
     - `program`: index of the only program if the other logs are multisines.
     """
-    motion = JointMotion.read(logs, index, interpolation, search.longest)
+    motion = LoggedJoint.read(logs, index, interpolation, search.longest)
     joint = motion.joint
     segments = motion.segments
     try:
@@ -84,14 +84,14 @@ def identify_joint(
 class FittedJoint:
     """The model that was selected for a joint."""
 
-    motion: JointMotion
+    motion: LoggedJoint
     search: Search
     segments: list[LogSegment]  # The segments that a model can predict
     saturation: Saturation | None
     selected: Selected
 
     @classmethod
-    def find(cls, motion: JointMotion, search: Search) -> FittedJoint:
+    def find(cls, motion: LoggedJoint, search: Search) -> FittedJoint:
         """Select a model of the unsaturated samples, or of all samples.
 
         Raises:
@@ -137,14 +137,16 @@ class FittedJoint:
 
     @property
     def unseen_errors(self) -> list[FloatArray]:
-        """Errors on parts that were not fitted [rad], for each of `selected.segments`."""
+        """Measured less predicted positions of each segment [rad], predicted without fitting it."""
         pairs = zip(self.selected.segments, self.selected.unseen, strict=True)
         return [s.y - q for s, q in pairs]
 
     def describe(self, program: int | None) -> JointIdentification:
-        """Return the joint with its parameters and its errors on parts that were not fitted.
+        """Return the joint with its parameters and prediction errors, without a servo yet.
 
-        `program` as in `identify_joint`. The servo for the file is still missing.
+        Each part of the logs is predicted by a fit of the other parts.
+
+        - `program`: as in `identify_joint`.
         """
         motion = self.motion
         effective = self._is_effective()
@@ -215,21 +217,25 @@ class FittedJoint:
         return not is_white(fit.problem.residuals(fit.x) / MRAD, resolution)
 
     def _estimate_parameters(self, effective: bool) -> dict[str, Estimate]:
-        """Return the estimates of all parameters by name."""
+        """Return the estimates of all parameters by name.
+
+        - `effective`: whether the logs contain an effect that is not modelled.
+        """
         selected = self.selected
         interval = max(float(np.median(np.diff(s.command.t))) for s in self.segments)
         unknown_cycle = 0.0 if self.search.drive_cycle else max(interval, USUAL_CYCLE)
         rivals = selected.rivals if effective else ()
-        found = estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
+        estimates = estimate_parameters(selected.fit, selected.without, unknown_cycle, rivals)
         if selected.limit is not None:
-            found[selected.limit.name] = selected.limit
-        for other in filter(None, (selected.twin, find_continuous(selected.fit))):
-            found = {name: x.including(getattr(other, name)) for name, x in found.items()}
+            estimates[selected.limit.name] = selected.limit
+        for servo in filter(None, (selected.twin, find_continuous(selected.fit))):
+            estimates = {name: x.including(getattr(servo, name)) for name, x in estimates.items()}
         if effective and selected.fit.rms > NOISE_MULTIPLE * selected.fit.noise:
-            found = {name: x.without_interval() for name, x in found.items()}
+            estimates = {name: x.without_interval() for name, x in estimates.items()}
         if self.motion.prismatic:
-            found = {name: replace(x, unit=linear_unit(x.unit)) for name, x in found.items()}
-        return found
+            for name, x in estimates.items():
+                estimates[name] = replace(x, unit=linear_unit(x.unit))
+        return estimates
 
     def _predict_program(self, program: int | None) -> FloatArray:
         """Return the errors of the program's parts, see `JointIdentification.program_rest`."""
@@ -249,8 +255,8 @@ class FittedJoint:
         rests = [np.full(len(x.t), np.nan) for x in logs]
         for s, error in zip(self.selected.segments, errors, strict=True):
             t = logs[s.log].t - logs[s.log].t[s.start]
-            some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
-            rests[s.log][some] = np.interp(t[some], s.command.t, error)
+            counts = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
+            rests[s.log][counts] = np.interp(t[counts], s.command.t, error)
         return rests
 
     def _describe_twin(self) -> str:
@@ -291,6 +297,7 @@ def _select_better(
         return None
 
     def error(selected: Selected) -> float:
+        """Return the RMS error of a model on all segments [rad]."""
         problem = selected.fit.problem
         order = problem.model.order
         errors = _errors_of(segments, selected.servo, order, problem.search.drive_cycle)

@@ -53,7 +53,7 @@ class LogError(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointMotion:
+class LoggedJoint:
     """Commands and measured positions of one joint in all logs."""
 
     logs: Sequence[Log]
@@ -64,7 +64,7 @@ class JointMotion:
     @classmethod
     def read(
         cls, logs: Sequence[Log], index: int, interpolation: str, longest: float
-    ) -> JointMotion:
+    ) -> LoggedJoint:
         """Read joint `index` from logs; `longest` is the longest dead time of the search [s]."""
         segments = split_logs(logs, index, interpolation)
         lag = find_lag(segments, longest)
@@ -122,8 +122,8 @@ def explain_missing_motion(segments: Sequence[LogSegment]) -> str:
         return "no motion is commanded. Record a program that moves this joint."
     if all(_is_at_rest(s) for s in segments):
         change = max(float(np.ptp(s.command.u)) for s in segments)
-        still = f"its measured motion is only noise, although its commands span {change:.3g} rad"
-        return f"{still}. Record more motion."
+        reason = f"its measured motion is only noise, although its commands span {change:.3g} rad"
+        return f"{reason}. Record more motion."
     if all(_is_uniform(s) for s in segments):
         return "the velocity is uniform, which determines a lag, but no gains. Record a multisine."
     return ""
@@ -162,13 +162,13 @@ def find_worst_log(errors: Sequence[FloatArray], segments: Sequence[LogSegment])
     of_logs = []
     for k in logs:
         indices = [i for i, s in enumerate(segments) if s.log == k]
-        some = [segments[i] for i in indices]
+        own_segments = [segments[i] for i in indices]
         own_errors = [errors[i] for i in indices]
         own_tracking = [tracking[i] for i in indices]
         of_logs.append(
             LogError(
-                rms=rms_of(own_errors, some, centred=False, weighted=single),
-                tracking=max(rms_of(own_tracking, some, weighted=single), LEAST_LAG),
+                rms=rms_of(own_errors, own_segments, centred=False, weighted=single),
+                tracking=max(rms_of(own_tracking, own_segments, weighted=single), LEAST_LAG),
             )
         )
     return max(of_logs, key=lambda x: x.share)

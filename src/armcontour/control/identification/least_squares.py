@@ -51,7 +51,7 @@ def solve(
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
     evaluations: int,
-    near: float = 1e-9,
+    cost_tolerance: float = 1e-9,
 ) -> Any:
     """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
 
@@ -68,16 +68,19 @@ def solve(
     - `start`: initial unknowns, (n,).
     - `bounds`: lower and upper bounds, (n,) each.
     - `evaluations`: largest number of evaluations.
-    - `near`: the search ends if an iteration reduces the sum of squares by less than this fraction.
+    - `cost_tolerance`: the search ends if an iteration reduces the sum of squares by less than this
+      fraction.
 
     Returns the solution of scipy.
     """
     from scipy.optimize import least_squares
 
     def reduced_residuals(x: FloatArray) -> FloatArray:
+        """Return `[‖r‖, 0]`, (n + 1,)."""
         return np.append(np.sqrt(np.sum(residuals(x) ** 2)), np.zeros(len(x)))
 
     def reduced_slopes(x: FloatArray) -> FloatArray:
+        """Return `[R₁; R₂]`, (n + 1, n)."""
         columns, norms = normalize(np.column_stack(slopes(x)))
         upper = _triangle(np.einsum("ki,kj->ij", columns, columns))
         # The reduced residual ‖r‖ is positive, so R is negated if its first element is negative.
@@ -92,7 +95,7 @@ def solve(
             bounds=bounds,
             x_scale="jac",
             max_nfev=evaluations,
-            ftol=near,
+            ftol=cost_tolerance,
             xtol=STEP_TOLERANCE,
             gtol=GRADIENT_TOLERANCE,
         )

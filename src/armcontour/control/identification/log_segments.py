@@ -61,21 +61,21 @@ class LogSegment:
         n = min(START_SAMPLES, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
-    def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Return every `every`-th sample from index a to b (exclusive).
+    def cut(self, a: int, b: int, stride: int = 1) -> LogSegment:
+        """Return every `stride`-th sample from index a to b (exclusive).
 
         The segment keeps all set-points before b, because they reach the joint after dead time.
         """
         c = self.command
         before = len(self.command.knots) - len(self.command.t)
-        a += -(before + a) % every
-        knots = slice(0, before + b, every)
-        samples = slice(a, b, every)
+        a += -(before + a) % stride
+        knots = slice(0, before + b, stride)
+        samples = slice(a, b, stride)
         kind = "linear" if c.linear else "step"
         return replace(
             self,
             start=self.start + a,
-            command=LoggedCommand(c.knots[knots], c.every[knots], kind, (before + a) // every),
+            command=LoggedCommand(c.knots[knots], c.every[knots], kind, (before + a) // stride),
             **{x: getattr(self, x)[samples] for x in ("y", "use", "weight", "part")},
         )
 
@@ -129,20 +129,22 @@ def _command_speed(t: FloatArray, u: FloatArray) -> FloatArray:
 
 def _motion_weights(speeds: Sequence[FloatArray]) -> list[FloatArray]:
     """Return weights of samples: speeds up to the typical speed, 0 at rest [rad/s]."""
-    every = np.concatenate(speeds) if speeds else np.zeros(1)
-    usual = float(np.percentile(every[every > 0], TYPICAL_PERCENTILE)) if every.any() else 1.0
-    return [np.where(x > REST_SHARE * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    joined = np.concatenate(speeds) if speeds else np.zeros(1)
+    typical = 1.0
+    if joined.any():
+        typical = float(np.percentile(joined[joined > 0], TYPICAL_PERCENTILE))
+    return [np.where(x > REST_SHARE * typical, np.minimum(x, typical), 0.0) for x in speeds]
 
 
 def _equal_parts(weights: Sequence[FloatArray]) -> list[IntArray]:
     """Divide samples into PARTS parts with equal sums of weights; returns indices of the parts."""
     total = max(sum(float(x.sum()) for x in weights), 1e-300)
-    done = 0.0
+    sum_before = 0.0
     parts = []
     for weight in weights:
-        share = (done + np.cumsum(weight)) / total
-        done += float(weight.sum())
-        parts.append(np.minimum((share * PARTS).astype(np.intp), PARTS - 1))
+        fraction = (sum_before + np.cumsum(weight)) / total
+        sum_before += float(weight.sum())
+        parts.append(np.minimum((fraction * PARTS).astype(np.intp), PARTS - 1))
     return parts
 
 
@@ -163,6 +165,7 @@ def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
     """
 
     def remaining_error(lag: float) -> float:
+        """Return the squared tracking error with a delay of the command, about its mean [rad²]."""
         total = 0.0
         for s in segments:
             error = s.y - s.command.evaluate(s.command.t - lag)
@@ -176,20 +179,20 @@ def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
 def thin_segments(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
     """Return segments with samples at COARSE_SPACING; unchanged if this changes the command."""
     interval = float(np.median(np.diff(segments[0].command.t)))
-    every = int(COARSE_SPACING / interval * (1 + 1e-6))
-    if every < 2 or not segments[0].command.linear:
+    stride = int(COARSE_SPACING / interval * (1 + 1e-6))
+    if stride < 2 or not segments[0].command.linear:
         return segments
-    thinned = [x.cut(0, len(x.y), every) for x in segments]
-    for one, full in zip(thinned, segments, strict=True):
-        difference = one.command.evaluate(full.command.t) - full.command.u
+    thinned = [x.cut(0, len(x.y), stride) for x in segments]
+    for coarse, full in zip(thinned, segments, strict=True):
+        difference = coarse.command.evaluate(full.command.t) - full.command.u
         # The variance of third differences is 20 times that of white noise.
         noise = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
-        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * noise or len(one.y) < FEWEST:
+        if np.sqrt(np.mean(difference**2)) > THINNING_ERROR * noise or len(coarse.y) < FEWEST:
             return segments
     return thinned
 
 
 def moving_parts(segments: Sequence[LogSegment]) -> IntArray:
     """Return the indices of the parts in which the command of some used samples moves."""
-    every = [s.part[s.use & (s.weight > 0) & (s.part >= 0)] for s in segments]
-    return np.unique(np.concatenate(every))
+    moving = [s.part[s.use & (s.weight > 0) & (s.part >= 0)] for s in segments]
+    return np.unique(np.concatenate(moving))

@@ -30,7 +30,7 @@ SINGULAR = 1e-10
 
 
 class Demand(NamedTuple):
-    """The acceleration that a loop commands, as far as it is known from the measured motion."""
+    """The acceleration that a loop commands, as estimated from the measured motion."""
 
     acceleration: FloatArray  # [rad/s²], (n,)
     error: float  # RMS error at the samples to which it was fitted [rad/s²]
@@ -49,21 +49,28 @@ class MeasuredMotion:
         self.sigma = max(float(white_noise(s.y)) for s in segments)
         self.times = []
         for s in segments:
-            first, last = s.command.t[[0, -1]]
-            self.times.append(np.linspace(first, last, round((last - first) / self.interval) + 1))
+            start, end = s.command.t[[0, -1]]
+            self.times.append(np.linspace(start, end, round((end - start) / self.interval) + 1))
         self.positions = [
             np.interp(t, s.command.t, s.y) for t, s in zip(self.times, segments, strict=True)
         ]
 
     def noise(self, order: int, k: int) -> float:
-        """Return the standard deviation of the noise in a derivative [rad/s**order]."""
+        """Return the standard deviation of the noise in a derivative [rad/s**order].
+
+        - `k`: half-width of the parabola [samples].
+        """
         return self.sigma * float(np.linalg.norm(_filter(order, k, self.interval)))
 
     def derive(self, order: int, k: int, signals: Sequence[FloatArray] | None = None) -> FloatArray:
-        """Derive the positions or other signals; results of all segments are concatenated."""
+        """Return a derivative of the positions or of other signals, (n,), with segments joined.
+
+        - `k`: half-width of the parabola [samples].
+        - `signals`: one signal per segment, at `times`.
+        """
         weights = _filter(order, k, self.interval)
-        every = self.positions if signals is None else signals
-        return np.concatenate([np.convolve(x, weights, "valid") for x in every if len(x) > 2 * k])
+        chosen = self.positions if signals is None else signals
+        return np.concatenate([np.convolve(x, weights, "valid") for x in chosen if len(x) > 2 * k])
 
     def window(self, order: int) -> int:
         """Return the half-width k with which noise does not dominate a derivative [samples].
@@ -74,8 +81,8 @@ class MeasuredMotion:
             round(LONGEST_WINDOW / self.interval), max(len(x) for x in self.positions) // 4
         )
         for k in range(1, longest + 1):
-            top = float(np.percentile(np.abs(self.derive(order, k)), TOP_PERCENTILE))
-            if self.noise(order, k) < MAX_NOISE * top:
+            largest = float(np.percentile(np.abs(self.derive(order, k)), TOP_PERCENTILE))
+            if self.noise(order, k) < MAX_NOISE * largest:
                 return k
         return 0
 
@@ -121,14 +128,17 @@ class MeasuredMotion:
         return Demand(values, error)
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
-        """Convert a mask of derivatives to masks of each segment's samples."""
+        """Convert a mask of derivatives, (n,), to masks of each segment's samples.
+
+        - `k`: half-width of the derivatives [samples].
+        """
         masks = []
-        done = 0
+        start = 0
         for t, s in zip(self.times, self.segments, strict=True):
             times_mask = np.full(len(t), False)
             count = max(len(t) - 2 * k, 0)
-            times_mask[k : k + count] = mask[done : done + count]
-            done += count
+            times_mask[k : k + count] = mask[start : start + count]
+            start += count
             masks.append(times_mask[np.rint((s.command.t - t[0]) / self.interval).astype(np.intp)])
         return tuple(masks)
 

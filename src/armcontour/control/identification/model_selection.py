@@ -73,21 +73,22 @@ def select_model(
     Returns:
         The selected model; None if less than two parts move or all fits are implausible.
     """
-    some = thin_segments(segments)
+    thinned = thin_segments(segments)
     # Cross-validation requires at least two parts.
-    if len(moving_parts(some)) < 2:
+    if len(moving_parts(thinned)) < 2:
         return None
-    trials = _Trials(some, search)
+    trials = _Trials(thinned, search)
     trials.add_candidates(limited=limited)
     if trials.best is None:
         return None
     trials.refine()
     best = trials.best
-    better = replace(best, twin=trials.find_twin(), rivals=trials.find_rivals())
-    if some is segments:
-        return better
-    whole = Problem(best.fit.problem.model, segments, search)
-    return replace(better, fit=fit(whole, [best.fit.x], REFIT_EVALUATIONS))
+    selected = replace(best, twin=trials.find_twin(), rivals=trials.find_rivals())
+    if thinned is segments:
+        return selected
+    # The model is refitted to all samples.
+    problem = Problem(best.fit.problem.model, segments, search)
+    return replace(selected, fit=fit(problem, [best.fit.x], REFIT_EVALUATIONS))
 
 
 def find_continuous(result: Fit) -> JointServo | None:
@@ -109,8 +110,8 @@ def find_continuous(result: Fit) -> JointServo | None:
     fits = []
     for cycle in (SHORT_CYCLE, 2 * SHORT_CYCLE):
         search = problem.search._replace(drive_cycle=cycle)
-        held = Problem(problem.model, problem.segments, search)
-        fits.append(fit(held, [result.x]))
+        with_cycle = Problem(problem.model, problem.segments, search)
+        fits.append(fit(with_cycle, [result.x]))
     if fits[0].cost * GAIN**2 > result.cost:
         return None
     unknowns = np.clip(2 * fits[0].x - fits[1].x, problem.low, problem.high)

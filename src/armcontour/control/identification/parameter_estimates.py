@@ -96,7 +96,10 @@ def _jackknife_deviation(name: str, without: Sequence[JointServo]) -> float:
 
 
 def _rival_deviation(name: str, value: float, rivals: Sequence[JointServo]) -> float:
-    """Return the scatter of a parameter in the best model and in models that have it, too."""
+    """Return a parameter's standard deviation over the best and the rival models that have it.
+
+    - `value`: value of the parameter in the best model.
+    """
     values = np.array([getattr(x, name) for x in rivals])
     return float(np.std(_scaled(name, np.append(values[np.isfinite(values)], value))))
 

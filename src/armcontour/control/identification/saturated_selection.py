@@ -52,8 +52,10 @@ def find_supported_saturation(
     if linear is None:
         return saturation, selected
     error = _error_at_plateaus(segments, saturation, linear)
-    usual = linear.fit.noise if selected is None else max(selected.rms, selected.fit.noise)
-    if error <= SATURATED_ERROR * max(usual, ROUNDING):
+    error_elsewhere = linear.fit.noise
+    if selected is not None:
+        error_elsewhere = max(selected.rms, selected.fit.noise)
+    if error <= SATURATED_ERROR * max(error_elsewhere, ROUNDING):
         return None, None
     return saturation, selected
 
@@ -67,8 +69,8 @@ def _error_at_plateaus(
     for s, clipped in zip(segments, saturation.clipped, strict=True):
         q = predict(s, linear.servo, problem.model.order, problem.search.drive_cycle)
         errors.append((s.y - q)[clipped & s.use])
-    every = np.concatenate(errors)
-    return float(np.sqrt(np.mean(every**2))) if len(every) else 0.0
+    joined = np.concatenate(errors)
+    return float(np.sqrt(np.mean(joined**2))) if len(joined) else 0.0
 
 
 def select_unsaturated(
@@ -94,9 +96,9 @@ def select_unsaturated(
         return free
     if free.fit.problem.model.order != "second":
         return replace(predict_parts(free.fit, segments), rivals=free.rivals)
-    whole = _fit_with_limit(segments, saturation.limit, free.fit)
-    if _is_preferred(whole, free, between):
-        return replace(predict_parts(whole), rivals=free.rivals)
+    limited = _fit_with_limit(segments, saturation.limit, free.fit)
+    if _is_preferred(limited, free, between):
+        return replace(predict_parts(limited), rivals=free.rivals)
     limit = _estimate_limit(segments, saturation, free.fit)
     return replace(predict_parts(free.fit, segments, limit), rivals=free.rivals)
 
@@ -109,14 +111,19 @@ def _fit_with_limit(segments: Sequence[LogSegment], limit: float, free: Fit) -> 
     return fit(problem, [problem.guess(start, free.servo.dead_time)])
 
 
-def _is_preferred(whole: Fit, free: Selected, between: Sequence[LogSegment]) -> bool:
-    """Return whether the fit of all samples is preferred, see `select_unsaturated`."""
-    unlimited = whole.servo._replace(acceleration_limit=np.inf)
-    squares = _squared_error(between, unlimited, whole.problem.search.drive_cycle)
+def _is_preferred(limited: Fit, free: Selected, between: Sequence[LogSegment]) -> bool:
+    """Return whether the fit of all samples is preferred, see `select_unsaturated`.
+
+    - `limited`: fit of all samples, with an acceleration limit.
+    - `free`: model of the unsaturated samples.
+    - `between`: segments between saturated samples.
+    """
+    unlimited = limited.servo._replace(acceleration_limit=np.inf)
+    squares = _squared_error(between, unlimited, limited.problem.search.drive_cycle)
     rms = (squares / sum(float(np.sum(s.weight)) for s in between)) ** 0.5
-    deviation = estimate_parameters(whole)[KP].sd
+    deviation = estimate_parameters(limited)[KP].sd
     more_certain = deviation < estimate_parameters(free.fit)[KP].sd
-    return not is_implausible(whole) and rms * GAIN < free.rms and more_certain
+    return not is_implausible(limited) and rms * GAIN < free.rms and more_certain
 
 
 def _estimate_limit(segments: Sequence[LogSegment], saturation: Saturation, free: Fit) -> Estimate:
@@ -149,9 +156,9 @@ def _cut_unsaturated(segments: Sequence[LogSegment], saturation: Saturation) -> 
     """Cut segments into their parts between saturated samples, without parts that are too short."""
     parts = []
     for segment, clipped in zip(segments, saturation.clipped, strict=True):
-        for begin, end in find_spans(~clipped):
-            if np.sum(segment.use[begin:end]) >= FEWEST_UNSATURATED:
-                parts.append(segment.cut(begin, end))
+        for start, end in find_spans(~clipped):
+            if np.sum(segment.use[start:end]) >= FEWEST_UNSATURATED:
+                parts.append(segment.cut(start, end))
     return parts
 
 

@@ -17,6 +17,8 @@ from armcontour.core.quantities import shared_unit
 PLATEAU_RANGE = 0.1
 # A value is at a limit if it differs from the limit by at most this fraction of the limit.
 PLATEAU_SHARE = 0.01
+# Number of medians within PLATEAU_SHARE by which the limit is refined.
+MEDIAN_ITERATIONS = 5
 # A value is also at a limit if it differs from the limit by at most so many standard deviations of
 # noise.
 PLATEAU_SIGMAS = 4.0
@@ -164,8 +166,8 @@ def _exceeded_plateaus(
     - `acceleration`: measured acceleration [rad/s²], (n,).
     """
     excess = np.sign(values) * (demand.acceleration - acceleration)
-    top = float(np.percentile(np.abs(acceleration), TOP_PERCENTILE))
-    threshold = max(EXCESS * top, EXCESS_ERRORS * demand.error)
+    largest = float(np.percentile(np.abs(acceleration), TOP_PERCENTILE))
+    threshold = max(EXCESS * largest, EXCESS_ERRORS * demand.error)
     exceeded = np.full(len(values), False)
     for i, j in find_spans(plateaus):
         exceeded[i:j] = np.median(excess[i:j]) > threshold
@@ -173,28 +175,29 @@ def _exceeded_plateaus(
 
 
 def _find_plateaus(
-    values: FloatArray, noise: float, first: float, interval: float
+    values: FloatArray, noise: float, first_share: float, interval: float
 ) -> tuple[float, BoolArray]:
     """Find the limit of a derivative, and the mask of the samples in plateaus at this limit.
 
     - `values`: the derivative, (n,).
     - `noise`: standard deviation of its noise.
-    - `first`: fraction of the first guess within which the limit is searched.
+    - `first_share`: fraction of the first guess within which the limit is searched.
     - `interval`: sample interval [s].
     """
     sizes = np.abs(values)
     limit = float(np.percentile(sizes, TOP_PERCENTILE))
     width = PLATEAU_SIGMAS * noise
     plateaus = np.full(len(sizes), False)
-    for share in (first, first / 2, *[PLATEAU_SHARE] * 5):
-        near = np.abs(sizes - limit) <= max(share * limit, width)
-        if not near.any():
+    # The limit is the median of the values near it, in a range that becomes narrower.
+    for share in (first_share, first_share / 2, *[PLATEAU_SHARE] * MEDIAN_ITERATIONS):
+        is_near = np.abs(sizes - limit) <= max(share * limit, width)
+        if not is_near.any():
             return limit, plateaus
-        limit = float(np.median(sizes[near]))
-    near = np.abs(sizes - limit) <= max(PLATEAU_SHARE * limit, width)
+        limit = float(np.median(sizes[is_near]))
+    is_near = np.abs(sizes - limit) <= max(PLATEAU_SHARE * limit, width)
     fewest = max(FEWEST_SAMPLES, round(SHORTEST_PLATEAU / interval))
     for sign in (1.0, -1.0):
-        for i, j in find_spans(near & (np.sign(values) == sign)):
+        for i, j in find_spans(is_near & (np.sign(values) == sign)):
             plateaus[i:j] = j - i >= fewest
     return limit, plateaus
 

@@ -113,25 +113,27 @@ def identify(
     )
     arm = options.kinematics
     prepared = _prepare(originals, arm)
-    every = prepared.logs
-    _check_same_joints(every)
-    interpolation = choose_interpolation(every, options.interpolation)
-    for log in every:
+    regular_logs = prepared.logs
+    _check_same_joints(regular_logs)
+    interpolation = choose_interpolation(regular_logs, options.interpolation)
+    for log in regular_logs:
         _check_positions(log, arm)
     search = Search(
-        _longest_dead_time(every, options.longest_dead_time),
+        _longest_dead_time(regular_logs, options.longest_dead_time),
         options.drive_cycle or 0.0,
         MODELS[options.model],
     )
-    program = _find_sole_program(every)
+    program = _find_sole_program(regular_logs)
     report = subprogress(progress)
     joints = []
-    for j, name in enumerate(every[0].joint_names):
-        report(Step((name,), j / every[0].dof))
-        joints.append(identify_joint(every, j, interpolation, search, program))
-    judged, judgement = choose_and_judge(every, joints, interpolation, search.longest, arm, program)
+    for j, name in enumerate(regular_logs[0].joint_names):
+        report(Step((name,), j / regular_logs[0].dof))
+        joints.append(identify_joint(regular_logs, j, interpolation, search, program))
+    judged, judgement = choose_and_judge(
+        regular_logs, joints, interpolation, search.longest, arm, program
+    )
     return Identification(
-        logs=every,
+        logs=regular_logs,
         interpolation=interpolation,
         joints=judged,
         drive_cycle=search.drive_cycle,
@@ -181,8 +183,8 @@ def _check_same_joints(logs: Sequence[Log]) -> None:
 def _check_positions(log: Log, arm: Arm | None) -> None:
     """Check that positions are within the ranges of an arm, and that speeds are plausible."""
     if arm is not None:
-        both = {"set-point": log.command, "measured position": log.measured}
-        check_range_of_log(log.source, log.t, both, log.joint_names, arm)
+        positions = {"set-point": log.command, "measured position": log.measured}
+        check_range_of_log(log.source, log.t, positions, log.joint_names, arm)
     check_speeds(log.source, log.t, log.measured, log.joint_names, log.prismatic)
 
 

@@ -119,20 +119,20 @@ class ErrorEstimate:
         self.count = len(equal)
         # The model of the correction, a random walk, applies to the change since the first run. It
         # does not apply to the remaining error, which has peaks at reversals and corners.
-        moved = lifted.respond(best.q - runs[0].q)
+        learned_response = lifted.respond(best.q - runs[0].q)
         error = np.mean([x.error for x in equal], axis=0)
         rest = np.mean([x.rest for x in equal], axis=0)
         # The errors in the last REST_TIME stand for the errors of the arm at rest.
         later = np.any([x.rests_later for x in equal], axis=0)
         error[lifted.is_rest] = np.where(later, rest, error[lifted.is_rest])
-        remaining = error - moved
+        remaining = error - learned_response
         noise = best.noise**2 / self.count + MODEL_ERROR**2 * (remaining**2).mean(axis=0)
         penalty = lifted.choose_penalty(remaining, float(np.mean(noise)))
         # The last set-point determines where a joint rests, also after the times of the model.
         last = best.q[-1] - rest - runs[0].q[-1]
         change, response = lifted.correct(remaining, penalty, last)
         self.q = np.asarray(runs[0].q + change)
-        self.error = moved - response
+        self.error = learned_response - response
         self.repeats = lifted.measure_tool_error(self.error).rms
         self.noise = self._find_noise()
         self.steps = self._choose_steps()
@@ -155,13 +155,20 @@ class ErrorEstimate:
         return float(np.sqrt(squares / freedom)) if freedom else None
 
     def _choose_steps(self) -> FloatArray:
+        """Return the fraction of the change that each joint makes, (dof,).
+
+        A joint makes a smaller step if the model predicted badly how the newest change of the
+        set-points moves it.
+        """
         best = self._runs[self.best]
         for run in reversed(self._runs):
             if not np.array_equal(run.q, best.q):
-                moved = self._lifted.respond(run.q - best.q)
-                miss = run.error - best.error - moved
-                miss = smooth_error(self._lifted, miss, np.hypot(run.noise, best.noise))
-                ratios = np.mean(miss**2, axis=0) / np.maximum(np.mean(moved**2, axis=0), 1e-300)
+                predicted = self._lifted.respond(run.q - best.q)
+                model_error = run.error - best.error - predicted
+                noise = np.hypot(run.noise, best.noise)
+                model_error = smooth_error(self._lifted, model_error, noise)
+                squares = np.maximum(np.mean(predicted**2, axis=0), 1e-300)
+                ratios = np.mean(model_error**2, axis=0) / squares
                 return np.asarray(1 / (1 + CAUTION**2 * ratios))
         return np.ones(self._lifted.dof)
 
@@ -253,7 +260,7 @@ def _choose_model(
         candidates.append(_linearize(nominal.without_bodies()))
     recording = recordings[0]
     best: Lifted | None = None
-    least = math.inf
+    smallest_misfit = math.inf
     refused: InvalidInput | None = None
     for candidate in candidates:
         try:
@@ -263,15 +270,15 @@ def _choose_model(
             # A log that does not agree at all with one model can agree with the other.
             refused = refused or error
             continue
-        if best is None or misfit < least:
+        if best is None or misfit < smallest_misfit:
             best = lifted
-            least = misfit
-        if least < CERTAIN_MISFIT:
+            smallest_misfit = misfit
+        if smallest_misfit < CERTAIN_MISFIT:
             break
     if best is None:
         assert refused is not None
         raise refused
-    if least > MAX_MISFIT and (servo := _identify_servo(set_points, recording, nominal)):
+    if smallest_misfit > MAX_MISFIT and (servo := _identify_servo(set_points, recording, nominal)):
         identified = _linearize(nominal.without_bodies()._replace(servo=servo))
         lifted = _make_lifted_model(set_points, recordings, identified)
         if _compare(lifted, set_points, recording).largest < IDENTIFIED_MISFIT:
@@ -342,9 +349,9 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
     """Align the recording of a run with the plan, and determine its errors."""
     expected = None
     if isinstance(set_points, LearningResult) and not recording.exact:
-        before = set_points.runs[set_points.best]
-        added = lifted.respond(set_points.q - before.q)
-        expected = lifted.planned + smooth_error(lifted, before.error, before.noise) + added
+        best = set_points.runs[set_points.best]
+        response = lifted.respond(set_points.q - best.q)
+        expected = lifted.planned + smooth_error(lifted, best.error, best.noise) + response
     aligned = log_alignment.align(recording, lifted, set_points, expected)
     offset, rate, measured, noise = aligned
     error = measured - lifted.planned
@@ -387,33 +394,38 @@ def _describe_creep(source: str, creeps: BoolArray) -> list[str]:
 def _learn_next(
     set_points: SetPoints, chosen: Chosen, new: tuple[LearningRun, ...], limits: Limits | None
 ) -> LearningResult:
-    """Learn from the new runs and from the earlier runs of the set-points."""
+    """Learn from the new runs and from the earlier runs of the set-points.
+
+    - `new`: runs with `set_points` that have just been measured.
+    - `limits`: limits of the controller; None for those of the plan.
+    """
     lifted = chosen.lifted
-    last = set_points if isinstance(set_points, LearningResult) else None
-    earlier, setbacks = (last.runs, last.setbacks) if last else ((), 0)
+    previous = set_points if isinstance(set_points, LearningResult) else None
+    earlier, setbacks = (previous.runs, previous.setbacks) if previous else ((), 0)
     runs = (*earlier, *new)
     estimate = ErrorEstimate(lifted, runs)
     best = runs[estimate.best]
-    before = min((x.rms for x in earlier), default=np.inf)
-    done = last is not None and last.finished
-    setbacks += min(x.rms for x in new) * USEFUL_FACTOR > before and not done
+    smallest_before = min((x.rms for x in earlier), default=np.inf)
+    was_finished = previous is not None and previous.finished
+    setbacks += min(x.rms for x in new) * USEFUL_FACTOR > smallest_before and not was_finished
     command_limits = set_points.command_limits
     applied = set_points.trajectory.limits_for(command_limits if limits is None else limits)
     if limits is None and describe_excess(set_points):
         # The joint limits of the plan do not apply if the set-points already exceed them.
         applied = applied.of_tool
     check_set_points(replace(set_points, q=best.q), applied)
-    first = np.abs(differences(runs[0].q, 2)).max(axis=0) / set_points.cycle**2
-    fastest = ACCELERATION_FACTOR * np.maximum(first, RESTING_SHARE * first.max())
+    # Set-points may accelerate faster than those of the first run, by ACCELERATION_FACTOR.
+    first_run = np.abs(differences(runs[0].q, 2)).max(axis=0) / set_points.cycle**2
+    acceleration = ACCELERATION_FACTOR * np.maximum(first_run, RESTING_SHARE * first_run.max())
     if applied.joint_acceleration is not None:
-        slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
-        fastest = np.maximum(slowest, fastest)
+        limit = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
+        acceleration = np.maximum(limit, acceleration)
     change = estimate.steps * (estimate.q - best.q)
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
-        q, reason = _keep_limits(set_points, requested, best.q, applied, fastest)
-        left = lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms
-        if useful := left * USEFUL_FACTOR < estimate.repeats:
+        q, reason = _keep_limits(set_points, requested, best.q, applied, acceleration)
+        predicted = lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms
+        if useful := predicted * USEFUL_FACTOR < estimate.repeats:
             break
     end = _reason_to_finish(lifted, runs, estimate, setbacks)
     if not (end or useful):
@@ -467,7 +479,11 @@ def _compare(lifted: Lifted, set_points: SetPoints, recording: Recording) -> Mis
 
 
 def _find_misfit(lifted: Lifted, q: FloatArray, measured: FloatArray) -> Misfit:
-    """Return how measured positions, (n, dof), deviate from a run with set-points q [rad]."""
+    """Return how measured positions deviate from the simulation of set-points q.
+
+    - `q`: set-points [rad], (count, dof).
+    - `measured`: positions at the model's times [rad], (n, dof).
+    """
     # Constant deviations, such as from gravity, are no errors of the servo.
     times = np.asarray(lifted.start + lifted.cycle * np.arange(lifted.count), dtype=float)
     misfit = (measured - lifted.expected(q)).std(axis=0)
@@ -488,13 +504,13 @@ def _describe_contradiction(
     lifted: Lifted, q: FloatArray, measured: FloatArray, run: LearningRun | Recording
 ) -> str:
     """Return a clause on the joint that contradicts the servo most."""
-    found = _find_misfit(lifted, q, measured)
-    j = int(np.argmax(found.ratios))
+    misfit = _find_misfit(lifted, q, measured)
+    j = int(np.argmax(misfit.ratios))
     unit = shared_unit("mrad", lifted.prismatic[j : j + 1])
     return (
-        f"{run.source} contradicts the servo: joint {j + 1} deviates by {found.model[j] * 1e3:.3g} "
-        f"{unit} RMS from the simulation with {lifted.nominal.model}, but by "
-        f"{found.lag[j] * 1e3:.3g} {unit} from its set-points"
+        f"{run.source} contradicts the servo: joint {j + 1} deviates by "
+        f"{misfit.model[j] * 1e3:.3g} {unit} RMS from the simulation with {lifted.nominal.model}, "
+        f"but by {misfit.lag[j] * 1e3:.3g} {unit} from its set-points"
     )
 
 
@@ -503,24 +519,25 @@ def _keep_limits(
     requested: FloatArray,
     best: FloatArray,
     limits: Limits,
-    fastest: FloatArray,
+    acceleration: FloatArray,
 ) -> tuple[FloatArray, str]:
     """Return the nearest set-points within the limits, (n, dof), and a clause on the active limit.
 
     The clause is empty if no limit is active. A joint without a solution keeps the set-points of
     the best run.
 
-    - `fastest`: limits of joint acceleration [rad/s²], (dof,).
+    - `requested`, `best`: requested set-points and those of the best run [rad], (n, dof).
+    - `acceleration`: limits of joint acceleration [rad/s²], (dof,).
     """
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,
-        joint_acceleration=fastest,
+        joint_acceleration=acceleration,
         joint_lower=limits.joint_lower,
         joint_upper=limits.joint_upper,
     )
-    bounds = command_bounds(selected, len(fastest))
+    bounds = command_bounds(selected, len(acceleration))
     if set_points.command_limits is not None:
-        others = command_bounds(set_points.command_limits, len(fastest))
+        others = command_bounds(set_points.command_limits, len(acceleration))
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )

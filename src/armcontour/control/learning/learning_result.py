@@ -59,8 +59,20 @@ class Recording(Checked):
     notes: tuple[str, ...] = ()
 
     def _check_together(self) -> None:
-        if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
-            raise InvalidInput(f"{self.source} must have at least two times that increase.")
+        """Raise InvalidInput unless there are at least two times, which increase."""
+        if len(self.t) < 2:
+            raise InvalidInput(
+                f"{self.source} must have at least 2 samples, but has {len(self.t)}. Record the "
+                "whole run."
+            )
+        falling = np.flatnonzero(np.diff(self.t) <= 0)
+        if len(falling):
+            k = int(falling[0])
+            raise InvalidInput(
+                f"The times of {self.source} must increase, but sample {k + 2} has t = "
+                f"{self.t[k + 1]:.6g} s after {self.t[k]:.6g} s. Sort the samples by time, and "
+                "remove samples with equal times."
+            )
 
     __repr__ = short_repr
 
@@ -125,9 +137,9 @@ def _describe_saturation(log: Log) -> list[str]:
     sentences = []
     for j, (name, slides) in enumerate(zip(log.joint_names, log.prismatic, strict=True)):
         segments = split_logs([log], j, "linear")
-        found = find_supported_saturation(segments, search)[0] if segments else None
-        if found is not None:
-            sentences.append(f"{found.describe(name, prismatic=slides)}. {SATURATED}")
+        saturation = find_supported_saturation(segments, search)[0] if segments else None
+        if saturation is not None:
+            sentences.append(f"{saturation.describe(name, prismatic=slides)}. {SATURATED}")
     return sentences
 
 

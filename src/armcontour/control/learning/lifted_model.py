@@ -91,8 +91,8 @@ class Nominal(NamedTuple):
     @property
     def drives(self) -> Drives | None:
         """The drives that move the rigid bodies; None for a model of independent servos."""
-        moved = self.arm.has_bodies and self.servo.is_plain("second")
-        return Drives(**self._asdict()) if moved else None
+        has_drives = self.arm.has_bodies and self.servo.is_plain("second")
+        return Drives(**self._asdict()) if has_drives else None
 
     @property
     def model(self) -> str:
@@ -241,8 +241,8 @@ class Lifted:
 
     def _respond_to(self, command: FloatArray) -> FloatArray:
         """Return how a command at the drives changes joint positions [rad], (n, dof)."""
-        moved = self._solve.solve(self._means @ command.ravel())
-        return np.asarray(moved).reshape(command.shape)
+        response = self._solve.solve(self._means @ command.ravel())
+        return np.asarray(response).reshape(command.shape)
 
     def expected(self, q: FloatArray) -> FloatArray:
         """Return the nominal robot's joint positions with set-points q [rad], (n, dof)."""
@@ -263,12 +263,12 @@ class Lifted:
         held = np.full(self.dof, False) if last is None else np.isfinite(last)
         factors, order, _ = self._factored(penalty, held)
         flat = error.ravel()
-        right = np.zeros(len(order))
-        right[: flat.size] = -(self._left @ flat)
+        right_side = np.zeros(len(order))
+        right_side[: flat.size] = -(self._left @ flat)
         if last is not None:
-            right[-self.dof :] = -LAST_PENALTY * np.where(held, last, 0.0)
-        solution = np.empty_like(right)
-        solution[order] = factors.solve(right[order])
+            right_side[-self.dof :] = -LAST_PENALTY * np.where(held, last, 0.0)
+        solution = np.empty_like(right_side)
+        solution[order] = factors.solve(right_side[order])
         change = solution[flat.size :].reshape(self.count, self.dof)
         return change, (-flat - self._weighted @ solution[: flat.size]).reshape(error.shape)
 
@@ -315,16 +315,17 @@ class Lifted:
         size = self.count * self.dof
         rows = size - self.dof
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
-        right = csc_array((n, size))
+        right_block = csc_array((n, size))
         for means, integrated in ((self._means, True), (self._unseen, False)):
             terms = [x for x in self._terms if x.integrated == integrated]
             if terms:
                 index, weight = (
                     np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
                 )
-                where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
-                right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
-        blocks: Any = [[self._left @ self._weighted, right], [right.T, None]]
+                entries = np.repeat(np.arange(n), index.shape[1]), index.ravel()
+                interpolation = coo_array((weight.ravel(), entries), shape=(n, size))
+                right_block += means @ csc_array(interpolation)
+        blocks: Any = [[self._left @ self._weighted, right_block], [right_block.T, None]]
         set_points = self.start + np.arange(self.count)[:, None] * self.cycle
         reached = set_points + self.nominal.servo.dead_time
         # The last set-point has an effect until the end, so it is eliminated last to avoid fill-in.
@@ -402,17 +403,17 @@ class Lifted:
         deviations = np.linalg.norm(tool - planned, axis=1)
         speed = np.linalg.norm(np.gradient(tool, self.step, axis=0), axis=1)
         end = int(np.flatnonzero((self.t <= self.plan.duration) | (speed > REST_SPEED))[-1]) + 1
-        whole = rms(deviations[:end]), float(deviations.max())
+        tool_errors = rms(deviations[:end]), float(deviations.max())
         if self.plan.path is not None:
             distances = [self.plan.path.project(tool).distance]
         else:
             paths = self.plan.paths_at(self.t)
-            distances = [path.project(tool[which]).distance for path, which in paths]
+            distances = [path.project(tool[samples]).distance for path, samples in paths]
         if not distances:
-            return ToolError(*whole, None, None)
+            return ToolError(*tool_errors, None, None)
         contour = np.concatenate(distances)
         moving = contour if self.plan.path is None else contour[:end]
-        return ToolError(*whole, rms(moving), float(contour.max()))
+        return ToolError(*tool_errors, rms(moving), float(contour.max()))
 
     def measure_rest(self, error: FloatArray) -> RestError:
         """Return the tool's largest errors at rest due to errors of the joints [rad], (n, dof)."""

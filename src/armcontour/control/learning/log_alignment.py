@@ -140,21 +140,22 @@ def _fit_clock_of(
     return fit_clock(recording.t, recording.command, set_points.t, set_points.q)
 
 
-def _check_difference(recording: Recording, apart: FloatArray, expected: FloatArray) -> None:
+def _check_difference(recording: Recording, difference: FloatArray, expected: FloatArray) -> None:
     """Check that a recording is near the motion that the set-points cause.
 
-    - `apart`: recorded less expected positions [rad], (m, dof).
+    - `difference`: recorded less expected positions [rad], (m, dof).
+    - `expected`: expected positions [rad], (m, dof).
     """
-    moved = rms(expected - expected.mean(axis=0))
-    deviation = rms(apart)
-    if deviation > MAX_DIFFERENCE * moved:
+    motion = rms(expected - expected.mean(axis=0))
+    deviation = rms(difference)
+    if deviation > MAX_DIFFERENCE * motion:
         reason = " ".join(recording.notes) or (
             "it is a log of another job, of other set-points or of another arm, or its columns "
             "have another unit, sign or order."
         )
         raise InvalidInput(
             f"{recording.source} differs by {deviation:.3g} rad RMS from the motion that the "
-            f"set-points cause, although the whole motion is only {moved:.3g} rad RMS: {reason}"
+            f"set-points cause, although the whole motion is only {motion:.3g} rad RMS: {reason}"
         )
 
 
@@ -162,8 +163,8 @@ def find_rest(recording: Recording, lifted: Lifted, set_points: SetPoints) -> fl
     """Return the plan time at which the arm has rested for REST_TIME [s]; 0 if it never does."""
     aligned = align(recording, lifted, set_points)
     t = aligned.offset + aligned.rate * recording.t
-    moved = np.abs(recording.q - interpolate(t - REST_TIME, t, recording.q))
-    rests = (moved <= np.maximum(REST_SIGMAS * aligned.noise, REST_MOTION)).all(axis=1)
+    motion = np.abs(recording.q - interpolate(t - REST_TIME, t, recording.q))
+    rests = (motion <= np.maximum(REST_SIGMAS * aligned.noise, REST_MOTION)).all(axis=1)
     times = t[rests & (t >= set_points.t[-1] + REST_TIME)]
     return float(times[0]) if len(times) else 0.0
 
@@ -198,9 +199,9 @@ def measure_rest(
     creeps = np.full(lifted.dof, False)
     for j in range(lifted.dof):
         start = min(float(reached[j]), float(times[-1]) - REST_TIME)
-        some = times >= start
-        t = times[some] - start
-        q = recording.q[some, j]
+        after_start = times >= start
+        t = times[after_start] - start
+        q = recording.q[after_start, j]
         positions[j] = float(q[t >= t[-1] - REST_TIME].mean())
         if len(t) < FEWEST_REST_SAMPLES:
             continue
@@ -291,15 +292,19 @@ def require_same_set_points(recording: Recording, run: LearningRun, set_points: 
 
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
-    """Return the RMS difference of recorded and executed set-points [rad]; 0 without any."""
+    """Return the RMS difference of recorded and executed set-points [rad].
+
+    - `t`, `command`: times in the plan [s], (m,), and recorded set-points [rad], (m, dof); None if
+      set-points were not recorded, which returns 0.
+    """
     # Controllers record held or interpolated set-points, with small time offsets. The resulting
     # differences alternate within a cycle, so differences are averaged over AVERAGED_CYCLES cycles.
     if command is None:
         return 0.0
     differences = command - interpolate(t, set_points.t, set_points.q)
-    part = np.floor((t - t[0]) / (AVERAGED_CYCLES * set_points.cycle)).astype(np.intp)
-    count = np.bincount(part)
-    means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in differences.T]
+    window = np.floor((t - t[0]) / (AVERAGED_CYCLES * set_points.cycle)).astype(np.intp)
+    count = np.bincount(window)
+    means = [np.bincount(window, weights=x)[count > 0] / count[count > 0] for x in differences.T]
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
 
 
@@ -330,8 +335,8 @@ def fit_clock(
         step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), errors.ravel(), rcond=None)
         centre = centre + float(step[0])
         rate = rate + float(step[1])
-        near = abs(step[0]) < CONVERGED and abs(step[1]) * np.ptp(t) < CONVERGED
-        if near or abs(rate - 1) > 2 * MAX_RATE_DIFFERENCE:
+        converged = abs(step[0]) < CONVERGED and abs(step[1]) * np.ptp(t) < CONVERGED
+        if converged or abs(rate - 1) > 2 * MAX_RATE_DIFFERENCE:
             break
     return centre - rate * middle, rate
 

@@ -42,7 +42,7 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import simulate
 from armcontour.studies.certification.case import Case
-from armcontour.verification.contour_errors import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 from armcontour.verification.error_profile import Followed
 
 # Parameters of a servo that are uncertain, in the order of the rows of deviations.
@@ -87,11 +87,14 @@ class BoxErrors(Result):
 
     @property
     def largest(self) -> float:
-        """The bound, or the error of an executed robot if it is larger, as by missed parts [m]."""
+        """The larger of the proven bound and the largest simulated error [m].
+
+        The error can be larger than the bound if parts of the path are missed.
+        """
         return max(self.bound, float(self.max.max()))
 
     def to_data(self) -> Data:
-        """Data of the bound, and of the parameters of the worst robot."""
+        """Return data of the bound, and of the parameters of the worst robot."""
         errors = self.deviations[int(np.argmax(self.max))].tolist()
         worst = dict(zip(self.names, errors, strict=True))
         named = sorted(worst, key=lambda x: -abs(worst[x]))[:MAX_NAMED_PARAMETERS]
@@ -148,28 +151,35 @@ class JointRanges:
         )
 
     def ends(self) -> BoolArray:
-        """Combinations of ends of all joints that have a range, (2^k, dof); True for the high."""
+        """Combine both ends of all joints that have a range, (2^k, dof); True for the high end."""
         return combine_ends(np.asarray((self.high > self.low).any(axis=0)))
 
     def extreme_motions(self) -> Iterator[tuple[BoolArray, Execution]]:
         """Yield the motions in which each joint is at the same end of its range at all times."""
-        still = np.zeros_like(self.low)
+        zeros = np.zeros_like(self.low)
         for is_high in self.ends():
             q = np.where(is_high, self.high, self.low)
             speed = np.gradient(q, self.template.t, axis=0)
             yield (
                 is_high,
-                replace(self.template, q=q, dq=speed, ddq=still, demand=still, plant=None),
+                replace(self.template, q=q, dq=speed, ddq=zeros, demand=zeros, plant=None),
             )
 
     def robot_at(self, i: int, is_high: BoolArray) -> FloatArray:
-        """Errors of the parameters of the robot with these ends at time index i, (3, dof)."""
+        """Return the parameter errors of the robot that is at these ends at time i, (3, dof).
+
+        - `i`: index of the time.
+        - `is_high`: True for joints at the high ends of their ranges, (dof,).
+        """
         corner = np.where(is_high, self.high_at[i], self.low_at[i])
         return np.asarray(self.corners[corner, :, np.arange(len(corner))].T)
 
 
 def combine_ends(has_range: BoolArray) -> BoolArray:
-    """Combine both ends of all joints that have a range, (2^k, dof); True for the high."""
+    """Combine both ends of k joints that have a range, (2^k, dof); True for the high end.
+
+    - `has_range`: True for the k joints, (dof,).
+    """
     combinations = list(product((False, True), repeat=int(has_range.sum())))
     ends = np.zeros((len(combinations), len(has_range)), dtype=np.bool_)
     ends[:, has_range] = combinations
@@ -177,13 +187,13 @@ def combine_ends(has_range: BoolArray) -> BoolArray:
 
 
 def join_positions(runs: Sequence[Execution]) -> FloatArray:
-    """Joint positions of executions at the same times, until the last one rests, (m, n, dof)."""
+    """Join the joint positions of m executions, until the last one rests [rad], (m, n, dof)."""
     count = max(len(x.t) for x in runs)
     return np.stack([np.pad(x.q, ((0, count - len(x.t)), (0, 0)), mode="edge") for x in runs])
 
 
 def independent_half_widths(case: Case) -> FloatArray:
-    """Largest errors of the parameters that differ from joint to joint, (3, dof).
+    """Return the largest parameter errors that differ from joint to joint, (3, dof).
 
     A part of the dead time that all joints share only delays the motion, and changes no contour. If
     the errors of the dead times are shared, only the differences of their ranges remain.
@@ -198,7 +208,7 @@ def independent_half_widths(case: Case) -> FloatArray:
 
 
 def same_corner_robots(half_widths: FloatArray) -> FloatArray:
-    """Errors of robots in whose servos all joints are in the same corner of the box, (m, 3, dof).
+    """Return the errors of the robots whose joints are in the same corner of the box, (m, 3, dof).
 
     These robots have the largest demand of each joint, because joints are independent.
     """
@@ -207,7 +217,11 @@ def same_corner_robots(half_widths: FloatArray) -> FloatArray:
 
 
 def servo_with(servo: ServoModel, deviations: FloatArray) -> ServoModel:
-    """The servo with errors of kp, kv (relative) and dead time [s], (3, dof) or (3 dof,)."""
+    """Return the servo with errors of its parameters.
+
+    - `deviations`: relative errors of kp and kv, and errors of the dead time [s], (3, dof) or
+      (3 dof,).
+    """
     kp, kv, dead_time = deviations.reshape(3, -1)
     return servo.replace(
         kp=servo.kp * (1 + kp),
@@ -265,7 +279,7 @@ def find_joint_ranges(case: Case, set_points: SetPoints) -> JointRanges:
 
 
 def slow_motion_caps(case: Case, joint_path: JointPath, cells: FloatArray) -> FloatArray:
-    """Largest ds² at which slow motion stays within the budget on all robots [m²/s²], (cells,).
+    """Return the largest ds² at which slow motion keeps the budget on all robots [m²/s²], (cells,).
 
     In slow motion, joint j of a robot deviates from that of the nominal robot by
     `-q_j'(s) v (lag_j - nominal lag_j)`, with the lag `(1 - feed-forward) / kp + dead time` [s]. So
@@ -286,39 +300,42 @@ def slow_motion_caps(case: Case, joint_path: JointPath, cells: FloatArray) -> Fl
     jacobian = case.arm.tool_jacobian(joint_path(cells))
     along = np.einsum("nd,ndj->nj", tangent, jacobian)
     across = jacobian - tangent[:, :, None] * along[:, None]
-    moved = across * joint_path(cells, 1)[:, None]
+    across_rate = across * joint_path(cells, 1)[:, None]  # Across the path, per joint and lag
     largest = np.zeros(len(cells))
     for is_long in combine_ends(longest > shortest):
-        largest = np.maximum(largest, length(moved @ np.where(is_long, longest, shortest)))
+        largest = np.maximum(largest, length(across_rate @ np.where(is_long, longest, shortest)))
     rate = np.maximum(largest[:-1], largest[1:])
     with np.errstate(divide="ignore"):
         return np.asarray((case.budget / rate) ** 2)
 
 
 def _robots_near(case: Case, deviations: FloatArray) -> Iterator[FloatArray]:
-    """Yield the errors of robots of the box, (3 dof,), with these errors of the gains, (3, dof)."""
+    """Yield the errors of robots of the box that have these errors of the gains, (3 dof,).
+
+    - `deviations`: errors of the parameters, (3, dof).
+    """
     assert case.goal.box is not None
     if not case.goal.box.dead_time_shared:
         yield deviations.ravel()
         return
     # The dead times of all joints have one error, in proportion to their ranges.
     dead_time = case.goal.box.half_widths(case.servo, case.arm.dof)[2]
-    for share in (-1.0, 1.0):
-        yield np.concatenate([deviations[0], deviations[1], share * dead_time])
+    for sign in (-1.0, 1.0):
+        yield np.concatenate([deviations[0], deviations[1], sign * dead_time])
 
 
 def _execute_robot(case: Case, set_points: SetPoints, deviations: FloatArray) -> list[float]:
-    """Largest error of each contour on a robot, of both directions [m], and its demand."""
+    """Return a robot's largest error on each contour, of both directions [m], and its demand."""
     plant = case.plant(servo_with(case.servo, deviations))
     resolution = min(RESULT_STEP, set_points.cycle)
     executed = simulate(set_points, plant, resolution=resolution)
-    pieces = pieces_of(executed, case.program, None, None)
+    pieces = split_by_contour(executed, case.program, None, None)
     demand = float(case.demand_ratio(executed.demand_range).max())
     return [*(max(x.contour_error.max, x.coverage_error.max) for x in pieces), demand]
 
 
 def _beyond_corners(q: FloatArray) -> FloatArray:
-    """Bound of the positions inside of a box beyond the range at its corners [rad], (n, dof).
+    """Bound how far positions inside a box exceed the range at its corners [rad], (n, dof).
 
     `q`: positions at three values of each uncertain parameter, (3, 3, 3, n, dof); 1 in place of 3
     for a parameter that is certain.
@@ -369,11 +386,11 @@ class _Largest:
 
 
 def _bound_contours(case: Case, ranges: JointRanges) -> tuple[list[float], list[FloatArray]]:
-    """Bounds of the distances from all contours [m], and the worst robots of each contour."""
+    """Return bounds of the distances from all contours [m], and their worst robots, (3, dof)."""
     contours: list[_Largest] = []
     delay = _shared_delay(case)
     for is_high, motion in ranges.extreme_motions():
-        pieces = [_widened(x, delay) for x in pieces_of(motion, case.program, None, None)]
+        pieces = [_widened(x, delay) for x in split_by_contour(motion, case.program, None, None)]
         if not contours:
             contours = [_Largest(x) for x in pieces]
         for largest, piece in zip(contours, pieces, strict=True):
@@ -383,14 +400,14 @@ def _bound_contours(case: Case, ranges: JointRanges) -> tuple[list[float], list[
     for x in contours:
         # The worst times of different combinations of ends.
         order = np.argsort(-x.distance)
-        _, first = np.unique(x.end[order], axis=0, return_index=True)
-        for i in order[np.sort(first)[:EXECUTED]].tolist():
-            robots.append(ranges.robot_at(x.piece.which.start + i, x.end[i]))
+        _, worst_of_each = np.unique(x.end[order], axis=0, return_index=True)
+        for i in order[np.sort(worst_of_each)[:EXECUTED]].tolist():
+            robots.append(ranges.robot_at(x.piece.samples.start + i, x.end[i]))
     return bounds, robots
 
 
 def _shared_delay(case: Case) -> float:
-    """Largest delay that all joints share, before or after the nominal motion [s]."""
+    """Return the largest delay that all joints share, before or after the nominal motion [s]."""
     box = case.goal.box
     if box is None or not box.dead_time_shared:
         return 0.0
@@ -398,21 +415,21 @@ def _shared_delay(case: Case) -> float:
 
 
 def _widened(piece: ContourExecution, delay: float) -> ContourExecution:
-    """A contour with the samples up to a delay before and after the process [s]."""
+    """Widen a contour to the samples up to a delay [s] before and after the process."""
     if delay == 0.0:
         return piece
     t = piece.executed.t
     steps = int(np.ceil(delay / (t[1] - t[0])))
-    stop = min(piece.which.stop + steps, len(t))
-    which = slice(max(piece.which.start - steps, 0), stop)
-    return replace(piece, which=which, beyond=max(piece.beyond, stop))
+    stop = min(piece.samples.stop + steps, len(t))
+    samples = slice(max(piece.samples.start - steps, 0), stop)
+    return replace(piece, samples=samples, next_start=max(piece.next_start, stop))
 
 
 def _bound_contour(arm: Arm, ranges: JointRanges, largest: _Largest) -> float:
-    """Bound of the distance from the tool to one contour for all robots of the box [m]."""
+    """Bound the distance from the tool to one contour for all robots of the box [m]."""
     piece = largest.piece
-    low = ranges.low[piece.which]
-    high = ranges.high[piece.which]
+    low = ranges.low[piece.samples]
+    high = ranges.high[piece.samples]
     middle = (low + high) / 2
     jacobian = arm.tool_jacobian(middle)
     lever = np.linalg.norm(jacobian, axis=1)
@@ -421,15 +438,15 @@ def _bound_contour(arm: Arm, ranges: JointRanges, largest: _Largest) -> float:
     chords = (np.where(revolute, lever, 0.0) * half**2).sum(axis=1) / 2
     # The Jacobian differs by up to this factor within the ranges.
     spread = 1 + half.sum(axis=1)
-    beyond = (lever * ranges.beyond[piece.which]).sum(axis=1)
+    beyond = (lever * ranges.beyond[piece.samples]).sum(axis=1)
     others = largest.sagitta + spread * (chords + beyond)
-    found = largest.distance + others
+    corner_distance = largest.distance + others
     bends = _Bends(piece.followed)
-    bound = found + bends.excess(largest.s_low, largest.s_high)
-    best = float(found.max())
+    bound = corner_distance + bends.excess(largest.s_low, largest.s_high)
+    best = float(corner_distance.max())
     is_critical = bound > best * (1 + CLOSE_BOUND)
     critical = np.flatnonzero(is_critical)
-    critical = critical[np.argsort(-found[critical])]
+    critical = critical[np.argsort(-corner_distance[critical])]
     divided = _Division(arm, piece, bends, others).bound(low, high, critical, best)
     return max(divided, float(bound[~is_critical].max(initial=0.0)))
 
@@ -448,19 +465,20 @@ class _Bends:
         self.turned = np.concatenate([[0.0], np.cumsum(turn)])
 
     def excess(self, s_low: FloatArray, s_high: FloatArray) -> FloatArray:
-        """Bound of the excess inside of sets of points over the distances of their corners [m].
+        """Bound how far n products exceed the distances at their corners [m], (n,).
 
         The path points of the corners are between s_low and s_high [m], (n,). For a mean of
         corners, the path at the mean arc length differs from the mean of the path points by at most
         `curvature A² / 2 + turn A / 2`, with A = (s_high - s_low) / 2, the largest curvature
         between them, and the sum of the turns at joints of segments between them.
         """
-        first = np.maximum(np.searchsorted(self.begins, s_low, side="right") - 1, 0)
-        last = np.maximum(np.searchsorted(self.begins, s_high, side="right") - 1, first)
-        places = np.stack([first, last + 1], axis=1).ravel()
-        curvature = np.maximum.reduceat(self.curvature, places)[::2]
+        first_segment = np.maximum(np.searchsorted(self.begins, s_low, side="right") - 1, 0)
+        last_segment = np.searchsorted(self.begins, s_high, side="right") - 1
+        last_segment = np.maximum(last_segment, first_segment)
+        ranges = np.stack([first_segment, last_segment + 1], axis=1).ravel()
+        curvature = np.maximum.reduceat(self.curvature, ranges)[::2]
         half = (s_high - s_low) / 2
-        turn = self.turned[last] - self.turned[first]
+        turn = self.turned[last_segment] - self.turned[first_segment]
         return np.asarray(half * (curvature * half + turn) / 2)
 
 
@@ -476,7 +494,7 @@ class _Division:
         self.others = others  # Parts of the bound that do not depend on the division [m], (n,)
 
     def bound(self, low: FloatArray, high: FloatArray, times: IntArray, best: float) -> float:
-        """Bound of the distances at some times [m].
+        """Bound the distances at some times [m].
 
         - `low`, `high`: joint ranges at all times [rad], (n, dof).
         - `times`: indices of the times, the most critical first.
@@ -491,7 +509,11 @@ class _Division:
     def _bound_at(
         self, i: int, low: FloatArray, high: FloatArray, best: float
     ) -> tuple[float, float]:
-        """Largest distance of a robot so far, and the bound at one time [m]."""
+        """Return the largest distance of a robot so far, and the bound at time index i [m].
+
+        - `low`, `high`: joint ranges at this time [rad], (dof,).
+        - `best`: the largest distance of a robot before [m].
+        """
         bound = 0.0
         parts = [(low, high)]
         measured = 0
@@ -513,18 +535,20 @@ class _Division:
         return best, bound
 
     def _measure(self, i: int, low: FloatArray, high: FloatArray) -> tuple[float, float]:
-        """Largest distance of a corner of a product, and the bound over the product [m]."""
+        """Return a product's largest corner distance, and the bound over the product [m]."""
         q = np.where(combine_ends(high > low), high, low)
         followed = self.piece.followed
         s = float(followed.s[i])
         tool = self.arm.tool_position(q)
-        distance, at = followed.near(tool, (s, s), float(followed.distance[i]))
+        distance, arc_lengths = followed.near(tool, (s, s), float(followed.distance[i]))
         corner = float(distance.max())
-        bend = float(self.bends.excess(at.min(keepdims=True), at.max(keepdims=True))[0])
+        s_low = arc_lengths.min(keepdims=True)
+        s_high = arc_lengths.max(keepdims=True)
+        excess = float(self.bends.excess(s_low, s_high)[0])
         # The distance from one point of the path is convex: it is largest at a corner.
-        foot = self.piece.path(float(at[int(distance.argmax())]))
+        foot = self.piece.path(float(arc_lengths[int(distance.argmax())]))
         from_foot = float(length(tool - foot).max())
-        return corner + self.others[i], min(corner + bend, from_foot) + self.others[i]
+        return corner + self.others[i], min(corner + excess, from_foot) + self.others[i]
 
     def _halve(
         self, i: int, low: FloatArray, high: FloatArray

@@ -100,12 +100,15 @@ class Case:
         return largest
 
     def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> ServoPlant:
-        """The plant with a servo, by default that of the case; if `ideal`, without saturation."""
+        """Build the plant with a servo, by default that of the case.
+
+        - `ideal`: whether the drives never saturate.
+        """
         saturation = "none" if ideal else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
 
     def demand_ratio(self, commanded_acceleration: FloatArray) -> FloatArray:
-        """Commanded accelerations divided by the bound of saturation in their direction."""
+        """Return commanded accelerations / the bound of saturation in their direction, (n, dof)."""
         bounds = self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
         return np.asarray(np.max([commanded_acceleration / x for x in bounds], axis=0))
 
@@ -118,7 +121,7 @@ class Case:
         return np.where(((q < lower) | (q > upper)).any(axis=1), np.inf, ratio)
 
     def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
-        """Set-points of a plan, by default with the cycle of the run [s]."""
+        """Compute the set-points of a plan, by default with the cycle of the run [s]."""
         servo = self.job.servo.for_joints(self.arm.dof)
         options = self.run.compensation
         cycle = self.run.cycle if cycle is None else cycle
@@ -142,7 +145,10 @@ class Move:
 
     @classmethod
     def without_derating(cls, case: Case, step: TracedMove, number: int | None) -> Self:
-        """The fastest plan of a move."""
+        """Plan a move as fast as possible.
+
+        - `number`: index of the contour; None for a rapid.
+        """
         path = step.joint_path
         speed = case.program.rapid_speed
         arm = case.arm
@@ -168,7 +174,7 @@ class Move:
         )
 
     def derated(self, arm: Arm, derating: Derating) -> Self:
-        """The move, planned again within derated limits."""
+        """Plan the move again, within derated limits."""
         plan = plan_derated(self.joint_path, arm, self.limits, derating, self.options)
         return replace(self, derating=derating, plan=plan, trials=self.trials + 1)
 

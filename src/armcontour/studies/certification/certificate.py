@@ -71,7 +71,7 @@ class Budget(Result):
         return self.rounding + self.smoothing + self.executed
 
     def to_data(self) -> Data:
-        """Data of the bounds, the remaining budget, and the parts."""
+        """Return data of the bounds, the remaining budget, and the parts."""
         allowed = self.servo_allowed if self.allowed is None else self.allowed
         note = f"of {number(allowed, 'm')}"
         model_error = "not explained by the servo model" if self.model_error else ""
@@ -125,7 +125,7 @@ class Uncertified(Result, Frozen):
         return max((float(x.max.max()) for x in self.robots), default=None)
 
     def to_data(self) -> Data:
-        """Data of duration, errors and saturation."""
+        """Return data of duration, errors and saturation."""
         largest, rms = self.contour_error
         return Data(
             "Uncertified optimum",
@@ -181,7 +181,7 @@ class ContourCertificate(Result):
     trials: int
 
     def to_data(self) -> Data:
-        """Data of the contour's error, its parts, and the derating."""
+        """Return data of the contour's error, its parts, and the derating."""
         optimum = number(self.optimum, "s")
         robots = [Row("robots", None)]
         if self.robots is not None:
@@ -262,7 +262,7 @@ class Certificate(Result):
     shapes: Mapping[str, float]
 
     def to_data(self) -> Data:
-        """Data of the verdict, the parts of the error, and the model."""
+        """Return data of the verdict, the parts of the error, and the model."""
         count = len(self.contours)
         run = self.result.run.name
         title = f"Certificate of {self.job.title}, run {run}, for independent servos"
@@ -280,7 +280,7 @@ class Certificate(Result):
     __repr__ = short_repr
 
     def _verdict(self) -> Iterator[Row]:
-        """Rows of the guaranteed deviation from the drawing, the cost, and the remaining budget."""
+        """Return rows of the guaranteed deviation from the drawing, the cost, and the rest."""
         worst = max(self.contours, key=lambda x: x.budget.total)
         budget = worst.budget
         rounding = None if worst.shape is None else budget.rounding
@@ -312,7 +312,7 @@ class Certificate(Result):
         yield from warning_rows(self.warnings)
 
     def _figures(self) -> Iterator[Row]:
-        """Rows of budget, shape, derating, model, goal, and the uncertified plan."""
+        """Return rows of budget, shape, derating, model, goal, and the uncertified plan."""
         for row in self.budget.to_data().with_prefix("budget"):
             # If there are several contours, the table of contours has their budgets.
             shown = len(self.contours) == 1 and row.name != "budget.total"

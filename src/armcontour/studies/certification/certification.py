@@ -49,7 +49,7 @@ from armcontour.studies.certification.derating_search import (
     attempts,
     verify_attempt,
 )
-from armcontour.verification.contour_errors import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 from armcontour.verification.error_profile import ErrorProfile
 
 # A nearly continuous command has a cycle that is CONTINUOUS times shorter, but at least
@@ -136,8 +136,8 @@ def _job_of(
         )
     rounding = None if goal.tolerance is None else Rounding(tolerance=goal.tolerance)
     limits = resolve_limits("certify", arm, limits)
-    only = Run(name="optimal", limits=limits, rounding=rounding)
-    return Job(name="path", arm=arm, path=job, servo=servo, runs=(only,))
+    run = Run(name="optimal", limits=limits, rounding=rounding)
+    return Job(name="path", arm=arm, path=job, servo=servo, runs=(run,))
 
 
 def _choose_run(job: Job, goal: CertificateGoal, name: str | None) -> Run:
@@ -190,29 +190,30 @@ class _Found:
 
 
 def _find_fastest_shape(job: Job, run: Run, goal: CertificateGoal, report: Progress) -> _Found:
-    """Find the fastest plan of a run; instead of free corners, arcs are tried, too."""
+    """Find the fastest plan of a run; with free corners, arcs are tried as well."""
     shapes = [run]
     if run.rounding is not None and run.rounding.free:
         shapes.append(replace(run, rounding=run.rounding.with_arcs))
     best: _Found | None = None
     refusals: list[NotRealizable] = []
     durations: dict[str, float] = {}
-    for each in shapes:
+    for shaped_run in shapes:
         deadline = min(durations.values(), default=np.inf)
         try:
             # The plan without derating is the reference of the certificate's cost. It is planned
             # first, because its errors, such as an event before the start, also apply to the
             # certificate.
-            base = _plan_case(job, each, goal, report, 0.0)
-            least = base.planned.trajectory.duration
-            found = _find_fastest(base, each) if least < deadline else None
+            base = _plan_case(job, shaped_run, goal, report, 0.0)
+            duration = base.planned.trajectory.duration
+            found = _find_fastest(base, shaped_run) if duration < deadline else None
         except NotRealizable as error:
             refusals.append(error)
             continue
         if found is not None:
-            least = found.verdict.duration
-        durations[ARC if each.rounding is None else each.rounding.shape] = least
-        if found is not None and least < deadline:
+            duration = found.verdict.duration
+        shape = ARC if shaped_run.rounding is None else shaped_run.rounding.shape
+        durations[shape] = duration
+        if found is not None and duration < deadline:
             best = found
     if best is None:
         raise refusals[-1]
@@ -238,8 +239,8 @@ def _find_fastest(base: Case, run: Run) -> _Found:
     tolerance = goal.tolerance
     uncertified = _execute_uncertified(base)
     pairs = zip(base.program.contours, base.planned.objective.contours, strict=True)
-    bent = any(bound_deviation(x.path, drawn.path).total > 0 for x, drawn in pairs)
-    if tolerance is None or not bent:
+    is_rounded = any(bound_deviation(x.path, drawn.path).total > 0 for x, drawn in pairs)
+    if tolerance is None or not is_rounded:
         # The servo may use the whole tolerance.
         case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
         return _Found(verdict=find_verdict(case), uncertified=uncertified)
@@ -248,7 +249,10 @@ def _find_fastest(base: Case, run: Run) -> _Found:
 
 
 def _plan_case(job: Job, run: Run, goal: CertificateGoal, report: Progress, servo: float) -> Case:
-    """Plan the case in which corners have the tolerance that the servo does not need [m]."""
+    """Plan the case in which corners have the tolerance that the servo does not need.
+
+    - `servo`: part of the tolerance for the servo [m].
+    """
     shaped = run
     if run.rounding is not None and goal.tolerance is not None:
         corners = goal.tolerance - servo
@@ -272,24 +276,24 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> AttemptVerdict:
     if goal.servo_error is not None:
         budgets = [goal.servo_error]
     largest = budgets[-1]
-    found = None
+    fastest = None
     while budgets:
         budget = budgets.pop(0)
         try:
             verdict = find_verdict(_plan_case(base.job, run, goal, base.progress, budget))
         except NotRealizable:
-            if found is None and not budgets:
+            if fastest is None and not budgets:
                 raise
             continue
-        if found is not None and verdict.duration >= found.duration:
+        if fastest is not None and verdict.duration >= fastest.duration:
             break
-        found = verdict
+        fastest = verdict
         # The servo gets more than its error, because another budget changes the plan.
         needed = SERVO_MARGIN * verdict.largest_error + verdict.case.model_error
         needed = min(needed, largest)
         budgets = [needed] if abs(needed - budget) > LEAST_BUDGET_CHANGE * tolerance else []
-    assert found is not None
-    return found
+    assert fastest is not None
+    return fastest
 
 
 def find_verdict(case: Case) -> AttemptVerdict:
@@ -421,7 +425,7 @@ def _make_budget(
 
 
 def _larger_error(piece: ContourExecution) -> float:
-    """The larger of contour error and coverage error [m]."""
+    """Return the larger of contour error and coverage error [m]."""
     return max(piece.contour_error.max, piece.coverage_error.max)
 
 
@@ -434,7 +438,7 @@ def _execute_continuously(verdict: AttemptVerdict) -> Sequence[ContourExecution]
         case.plant(ideal=True),
         resolution=max(cycle, PROOF_RESOLUTION),
     )
-    return pieces_of(smooth, case.program, None, None)
+    return split_by_contour(smooth, case.program, None, None)
 
 
 def _execute_uncertified(case: Case) -> Uncertified:
@@ -443,7 +447,7 @@ def _execute_uncertified(case: Case) -> Uncertified:
     set_points = case.compute_set_points(fastest)
     resolution = max(min(1e-3, case.run.cycle), PROOF_RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
-    pieces = pieces_of(executed, case.program, None, None)
+    pieces = split_by_contour(executed, case.program, None, None)
     error = ErrorProfile.join([x.contour_error for x in pieces])
     coverage_error = max(x.coverage_error.max for x in pieces)
     return Uncertified(
@@ -459,10 +463,14 @@ def describe_model(case: Case) -> str:
     """Describe the robot model for which a certificate is valid."""
     servo = case.servo
     order = " of order second" * (servo.order == "second")
-    held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
+    interpolations = {
+        "linear": "interpolated linearly",
+        "cubic": "interpolated by cubics",
+        "step": "held",
+    }
     parts = [
         f"independent joint servos{order} with {servo.describe(case.arm.chain.prismatic)}",
-        f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
+        f"set-points every {case.run.cycle * 1e3:g} ms, " + interpolations[servo.interpolation],
     ]
     if np.isfinite(case.servo.saturate(*case.limits.acceleration_bounds(case.arm.dof))).any():
         parts.append("accelerations that saturate at the joints' limits")
@@ -479,5 +487,5 @@ def bound_deviation(path: Path, objective: Path) -> Deviation:
     if not isinstance(path, ShapedPath):
         return Deviation.of_path(path, objective)
     pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
-    same = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
-    return Deviation(rounding=0.0 if same else path.tolerance)
+    unchanged = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+    return Deviation(rounding=0.0 if unchanged else path.tolerance)

@@ -52,14 +52,17 @@ class Derating:
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
-        """Derating that reduces nothing; cells are the intervals of a plan's first grid."""
+        """Return a derating that reduces nothing; cells are the intervals of a first grid."""
         cells = place_grid(joint_path, intervals).s
         ones = np.ones((len(cells) - 1, joint_path.dof))
         caps = dict.fromkeys(CAUSES, np.full(len(ones), np.inf))
         return cls(cells=cells, share_by={"acceleration": ones}, cap_by=caps)
 
     def with_share(self, factor: FloatArray, cause: str) -> Derating:
-        """Copy with the shares of acceleration limits multiplied by a factor, for a cause."""
+        """Copy with the shares of acceleration limits multiplied, for a cause.
+
+        - `factor`: (n, dof) or (n, 1).
+        """
         share = self.share_by.get(cause, np.ones_like(self.share)) * factor
         return replace(self, share_by={**self.share_by, cause: share})
 
@@ -97,12 +100,12 @@ class DeratedAcceleration(JointMotion):
         self.derating = derating
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
-        """Derated lower and upper bounds of each interval [rad/s²], (intervals, dof) each."""
+        """Return the derated bounds of each interval [rad/s²], (intervals, dof) each."""
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Rows of the joint accelerations with bounds per interval."""
+        """Return the joint accelerations, with bounds per interval."""
         return (self.rows(path),)
 
 
@@ -115,7 +118,7 @@ class SpeedCap(Constraint):
         self.derating = derating
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
-        """Ceilings of ds² at both ends of each interval."""
+        """Return the ceilings of ds² at both ends of each interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)
 
@@ -133,7 +136,7 @@ class DeratedLimits(Constraint):
         return [(REASONS[x].removeprefix("the "), None) for x in CAUSES]
 
     def usage(self, ends: IntervalEnds) -> FloatArray:
-        """Used fraction of the derated speed and acceleration on each interval, (n, causes)."""
+        """Return the used fractions of derated speed and acceleration, (intervals, causes)."""
         derating = next(y for x, y in self.deratings if x is ends.law.joint_path)
         bounded = DeratedAcceleration(*self.limits.acceleration_bounds(ends.arm.dof), derating)
         acceleration = bounded.usage(ends).max(axis=1)
@@ -176,7 +179,7 @@ class DeratedInterval:
     contour: float  # Length of the contour [m]
 
     def __str__(self) -> str:
-        """Clause with the limit, its reduction, position and cause."""
+        """Write a clause with the limit, its reduction, position and cause."""
         joint = f" of joint {self.joint_name}" if self.joint_name else ""
         where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
         if self.length > WHOLE_SHARE * self.contour:
@@ -190,10 +193,13 @@ class DeratedInterval:
 def derated_intervals(
     derating: Derating, fastest: Trajectory, plan: Trajectory, start: float, names: Sequence[str]
 ) -> tuple[DeratedInterval, ...]:
-    """Largest derating of a contour's plan for each limit and cause, the largest share first.
+    """Find the largest derating of a contour's plan for each limit and cause.
 
-    `fastest`: the plan without derating. `start`: start of the contour in the whole motion [s].
-    `names`: names of the joints.
+    The largest reduction is first.
+
+    - `fastest`: the plan without derating.
+    - `start`: start of the contour in the whole motion [s].
+    - `names`: names of the joints.
     """
     squares = largest_squares(fastest, derating.cells)
     contour = float(derating.cells[-1])
@@ -229,6 +235,6 @@ def derated_intervals(
 
 
 def largest_squares(plan: Trajectory, cells: FloatArray) -> FloatArray:
-    """Largest ds² of a plan at the ends of each cell [m²/s²], (n,)."""
+    """Return the largest ds² of a plan at the ends of each cell [m²/s²], (n,)."""
     squares = plan.speed_at(cells) ** 2
     return np.asarray(np.maximum(squares[:-1], squares[1:]))

@@ -39,7 +39,7 @@ from armcontour.studies.certification.box_errors import (
 from armcontour.studies.certification.case import PROOF_RESOLUTION, Attempt, Case, Move
 from armcontour.studies.certification.derating import largest_squares
 from armcontour.verification import Check, check
-from armcontour.verification.contour_errors import ContourExecution, pieces_of
+from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 
 # A limit is exceeded by a ratio above 1 + LIMIT_TOLERANCE, to allow for rounding errors.
 LIMIT_TOLERANCE = 1e-9
@@ -126,7 +126,7 @@ class AttemptVerdict:
 def verify_attempt(case: Case, attempt: Attempt) -> AttemptVerdict:
     """Execute an attempt, and compare it with all limits and with the goal."""
     executed = simulate(attempt.set_points, case.plant(), resolution=PROOF_RESOLUTION)
-    pieces = pieces_of(executed, case.program, None, None)
+    pieces = split_by_contour(executed, case.program, None, None)
     checked = check(attempt.trajectory, case.arm, case.limits, points=CHECK_POINTS)
     # Values of the whole program count for each contour.
     limits = [case.command_ratios(attempt.set_points).max(), *(x.ratio for x in checked.uses)]
@@ -137,13 +137,15 @@ def verify_attempt(case: Case, attempt: Attempt) -> AttemptVerdict:
         limits += [bounds[name] for name in names]
     robots = bound_box(case, attempt.set_points)
     demands = [case.demand_ratio(executed.demand_range).max(), *(x.demand.max() for x in robots)]
-    whole = {"acceleration": max(demands), "speed": max(limits)}
-    whole = {cause: float(ratio) / (1 + LIMIT_TOLERANCE) for cause, ratio in whole.items()}
-    ratios = [
-        {**whole, **_contour_ratios(case, attempt, piece, k)} for k, piece in enumerate(pieces)
-    ]
-    for each, errors in zip(ratios, robots, strict=False):
-        each["box"] = errors.largest / case.budget
+    common_ratios = {
+        "acceleration": float(max(demands)) / (1 + LIMIT_TOLERANCE),
+        "speed": float(max(limits)) / (1 + LIMIT_TOLERANCE),
+    }
+    ratios = []
+    for k, piece in enumerate(pieces):
+        ratios.append({**common_ratios, **_contour_ratios(case, attempt, piece, k)})
+    for contour_ratios, errors in zip(ratios, robots, strict=False):
+        contour_ratios["box"] = errors.largest / case.budget
     return AttemptVerdict(
         case=case,
         attempt=attempt,
@@ -158,15 +160,18 @@ def verify_attempt(case: Case, attempt: Attempt) -> AttemptVerdict:
 def _contour_ratios(
     case: Case, attempt: Attempt, piece: ContourExecution, number: int
 ) -> dict[str, float]:
-    """Ratios of tool speed and contour error in the execution of a contour, by cause."""
+    """Return the ratios of tool speed and contour error on a contour, by cause.
+
+    - `number`: index of the contour in the program.
+    """
     tool = float(piece.speed_ratios(case.limits.speed, between=True).max())
     if case.limits.speed is not None:
         executed = piece.executed
         during = slice(None)
         if case.program.single_path is None:
             during = slice(*np.searchsorted(executed.t, attempt.trajectory.contour_spans[number].t))
-        moved = case.arm.tool_velocity(executed.q[during], executed.dq[during])
-        tool = max(tool, float(np.linalg.norm(moved, axis=1).max()) / case.limits.speed)
+        velocity = case.arm.tool_velocity(executed.q[during], executed.dq[during])
+        tool = max(tool, float(np.linalg.norm(velocity, axis=1).max()) / case.limits.speed)
     error = max(piece.contour_error.max, piece.coverage_error.max) / case.budget
     if case.goal.rms is not None:
         error = max(error, piece.contour_error.rms / case.goal.rms)
@@ -175,25 +180,26 @@ def _contour_ratios(
 
 
 def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Upper bounds of a plan's ratios to limits of acceleration and speed, valid at all times."""
+    """Bound a plan's ratios to limits of acceleration and speed at all times, by limit."""
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
-    shares = np.zeros(6)
+    # Acceleration down and up, velocity down and up, speed, and speed for centripetal acceleration.
+    ratios = np.zeros(6)
     for law in plan.laws:
         assert isinstance(law, PathLaw)
         speeds = _highest_speeds(law.joint_path, limits)
-        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + LIMIT_TOLERANCE))
-    acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
-    speed, bent = shares[4:].tolist()
+        ratios = np.maximum(ratios, largest_shares(law, joints, speeds, 1 + LIMIT_TOLERANCE))
+    acceleration, velocity = ratios[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, speed_on_curve = ratios[4:].tolist()
     return {
         "joint_acceleration": acceleration,
         "joint_velocity": velocity,
         "speed": speed,
-        "centripetal_acceleration": bent**2,
+        "centripetal_acceleration": speed_on_curve**2,
     }
 
 
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Path speeds that the limits of speed and centripetal acceleration allow [m/s], (pieces, 2).
+    """Return speeds that limits of speed and centripetal acceleration allow [m/s], (pieces, 2).
 
     The second column is infinite for segments with varying curvature, which the check samples.
     """
@@ -209,9 +215,9 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
         isinstance(path, ShapedPath) and path.curve is not None
     )
     if limits.centripetal_acceleration is not None:
-        bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
+        curvature = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
         with np.errstate(divide="ignore"):
-            bounds[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+            bounds[:, 1] = np.sqrt(limits.centripetal_acceleration / curvature)
     return bounds
 
 
@@ -267,11 +273,14 @@ def execute(case: Case, set_points: SetPoints, robots: FloatArray) -> list[Execu
 
 
 def _fastest_moves(case: Case, robots: FloatArray) -> list[Move]:
-    """Moves without derating, and pauses in which the tool settles before contours."""
+    """Plan all moves without derating, with pauses in which the tool settles before contours.
+
+    - `robots`: parameter errors of the robots on which the tool must settle, (m, 3, dof).
+    """
     moves: list[Move] = []
-    count = 0
-    stood = 0.0
-    since = 0
+    count = 0  # Number of contours so far
+    stood = 0.0  # Duration of the dwells since the previous move [s]
+    settled_moves = 0  # Number of moves up to the previous contour
     for step in case.traced.steps:
         if step.joint_path is None:
             dwell = None if step.move is None else case.program.moves[step.move]
@@ -283,17 +292,17 @@ def _fastest_moves(case: Case, robots: FloatArray) -> list[Move]:
             move = Move.without_derating(case, step, number)
             if number is not None:
                 move = _slowed_for_box(case, move)
-                settling = _settling_time(case, moves[since:], robots) if moves else 0.0
+                settling = _settling_time(case, moves[settled_moves:], robots) if moves else 0.0
                 move = replace(move, pause=max(settling - stood, 0.0))
                 count = count + 1
-                since = len(moves)
+                settled_moves = len(moves)
             moves.append(move)
             stood = 0.0
     return moves
 
 
 def _slowed_for_box(case: Case, move: Move) -> Move:
-    """A contour whose speed keeps the budget on all robots of the box in slow motion.
+    """Slow a contour down, so that slow motion keeps the budget on all robots of the box.
 
     If this takes too long, the motion takes most of the allowed time.
     """
@@ -314,13 +323,17 @@ def _slowed_for_box(case: Case, move: Move) -> Move:
 
 
 def _settling_time(case: Case, moves: Sequence[Move], robots: FloatArray) -> float:
-    """Settling time of the tool after moves, on the slowest robot [s]."""
+    """Return how long the tool settles after moves, on the slowest robot [s]."""
     laws = chain.from_iterable(move.plan.laws for move in moves)
     plan = Trajectory(laws=tuple(laws), method="approach")
     runs = execute(case, case.compute_set_points(plan), robots)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
-    far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY_SHARE * case.budget] for x in runs]
-    return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
+    settling = [0.0]
+    for executed in runs:
+        unsettled = np.linalg.norm(executed.tool - goal, axis=1) > ENTRY_SHARE * case.budget
+        if unsettled.any():
+            settling.append(float(executed.t[unsettled][-1]) - plan.duration)
+    return max(settling)
 
 
 def _find_excess(
@@ -330,12 +343,17 @@ def _find_excess(
     goals: Sequence[Goals],
     indices: set[int],
 ) -> dict[int, Uses]:
-    """Uses of the moves that are estimated to exceed a limit or the budget, by index."""
-    pieces = [pieces_of(runs[0], case.program, None, None)]
+    """Return the uses of moves that are estimated to exceed a limit or the budget, by index.
+
+    - `runs`: executions on the nominal robot, then on the robots of the box.
+    - `goals`: goals of each move.
+    - `indices`: indices of the moves to estimate.
+    """
+    pieces = [split_by_contour(runs[0], case.program, None, None)]
     if len(runs) > 1:
         ranges = JointRanges.over(runs[1:], _corner_robots(case))
         for _, motion in ranges.extreme_motions():
-            pieces.append(pieces_of(motion, case.program, None, None))
+            pieces.append(split_by_contour(motion, case.program, None, None))
     uses = {k: _estimate_uses(case, attempt, runs, pieces, k) for k in sorted(indices)}
     excess = {}
     for k, ratios in uses.items():
@@ -348,15 +366,20 @@ def _find_excess(
 def _estimate_uses(
     case: Case, attempt: Attempt, runs: Sequence[Execution], pieces: Pieces, index: int
 ) -> Uses:
-    """Estimate the ratios to limits and budget in the cells of a move."""
+    """Estimate the ratios to limits and budget in the cells of a move, by cause.
+
+    - `runs`: executions on the nominal robot, then on the robots of the box.
+    - `pieces`: contours on the nominal robot, then of the extreme motions of the box.
+    - `index`: index of the move.
+    """
     move = attempt.moves[index]
     set_points = attempt.set_points
     spans = [x for x in attempt.trajectory.spans if x.kind != "dwell"]
     start, end = spans[index].t
     cycle = set_points.cycle
-    first = set_points.start_time
     # The move affects the cycle in which it ends, and the standstill after it.
-    end = first + float(np.ceil((end - first) / cycle - PHASE_TOLERANCE)) * cycle
+    cycle_count = float(np.ceil((end - set_points.start_time) / cycle - PHASE_TOLERANCE))
+    end = set_points.start_time + cycle_count * cycle
     end = max(end, spans[index + 1].t[0]) if index + 1 < len(spans) else np.inf
     window = (start if index else -np.inf), end
     edges = start + move.plan.time_at(move.derating.cells)
@@ -366,14 +389,14 @@ def _estimate_uses(
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
 
     def in_cells(t: FloatArray, values: FloatArray, before: float = 0.0) -> FloatArray:
-        """Largest values near each cell, and in the time `before` after it [s]."""
+        """Return the largest values near each cell, and in the time `before` [s] after it."""
         return _largest_in_cells(t, values, edges, window, cycle + memory, before)
 
     def largest(piece: ContourExecution, values: FloatArray, before: float = 0.0) -> FloatArray:
-        """Largest values of a contour near each cell."""
-        whole = np.zeros(len(piece.executed.t))
-        whole[piece.which] = values
-        return in_cells(piece.executed.t, whole, before)
+        """Return the largest values of a contour near each cell; `values` are at its samples."""
+        all_values = np.zeros(len(piece.executed.t))
+        all_values[piece.samples] = values
+        return in_cells(piece.executed.t, all_values, before)
 
     uses = {
         "acceleration": np.max([in_cells(x.t, _demands(case, x)) for x in runs], axis=0),
@@ -424,13 +447,13 @@ def _largest_in_cells(
     count = max(1, int(np.ceil(around / step)))
     ahead = max(count, int(np.ceil(before / step)))
     size = count + 1 + ahead
-    begin = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
+    cell_starts = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
     spread = maximum_filter1d(values, size, axis=0, mode="nearest", origin=count - size // 2)
-    return np.asarray(np.maximum.reduceat(spread, begin, axis=0))
+    return np.asarray(np.maximum.reduceat(spread, cell_starts, axis=0))
 
 
 def _demands(case: Case, executed: Execution) -> FloatArray:
-    """Ratios of commanded accelerations to their limits, (n, dof)."""
+    """Return the ratios of commanded accelerations to their limits, (n, dof)."""
     ratios = case.demand_ratio(executed.demand)
     # The peak between results exceeds the largest result by this factor.
     peak = case.demand_ratio(executed.demand_range).max(axis=0)
@@ -438,7 +461,7 @@ def _demands(case: Case, executed: Execution) -> FloatArray:
 
 
 def _contour_errors(piece: ContourExecution) -> FloatArray:
-    """Contour error at each result, the larger of both directions [m], (n,)."""
+    """Return the contour error at each result, the larger of both directions [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
     # A peak between two times is assigned to the nearer time.
@@ -448,11 +471,15 @@ def _contour_errors(piece: ContourExecution) -> FloatArray:
 
 
 def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Move:
-    """Plan a move that is derated where it exceeds its goals; refuse if it becomes too slow."""
+    """Plan a move that is derated where it exceeds its goals; refuse if it becomes too slow.
+
+    - `uses`: ratios to limits and budget in the cells of the move, by cause.
+    - `tries`: number of times that the move was derated since the last check.
+    """
     power = 1 + tries // POWER_TRIALS
     ratios = {cause: np.maximum(use / goals[cause], 1.0) for cause, use in uses.items()}
-    shares = ratios.pop("acceleration") ** -power
-    derating = move.derating.with_share(shares, "acceleration")
+    acceleration_share = ratios.pop("acceleration") ** -power
+    derating = move.derating.with_share(acceleration_share, "acceleration")
     speed = largest_squares(move.plan, derating.cells)
     for cause, ratio in ratios.items():
         slow = np.maximum(ratio ** (-POWERS[cause] * power), LEAST_STEP)
@@ -516,8 +543,8 @@ def _refuse(
     ratio = ratios[cause]
     compensation = case.run.compensation
     cycle = case.run.cycle
-    held = case.servo.interpolation == "step"
-    finer = "linear interpolation" if held else "a shorter cycle"
+    is_held = case.servo.interpolation == "step"
+    finer = "linear interpolation" if is_held else "a shorter cycle"
     advice = f"Use {finer}"
     if cause == "box":
         advice = "Reduce the uncertainty of the robot (a smaller box)"
@@ -539,8 +566,8 @@ def _refuse(
     limit, needed, allowed, text = {
         "acceleration": (
             *("joint_acceleration", ratio, 1.0),
-            f"set-points every {cycle * 1e3:g} ms{', which are held,' * held} require {ratio:.3g} "
-            f"times the acceleration limit of a joint. Use {finer}",
+            f"set-points every {cycle * 1e3:g} ms{', which are held,' * is_held} require "
+            f"{ratio:.3g} times the acceleration limit of a joint. Use {finer}",
         ),
         "speed": (
             *("speed", ratio, 1.0),

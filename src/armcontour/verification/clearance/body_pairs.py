@@ -68,15 +68,20 @@ class Pair:
     radii: FloatArray
 
     def radii_at(self, farthest: FloatArray, slides: BoolArray) -> FloatArray:
-        """`radii` while prismatic joints (`slides`) are at most `farthest` from 0 [m], (dof,)."""
-        # The joints between a revolute joint and the second body move the body away from its axis.
-        moved = farthest * slides * (np.arange(len(slides)) < self.second.link)
-        later = np.cumsum(moved[::-1])[::-1] - moved
-        return self.radii + later * (self.radii > 0) * ~slides
+        """Return `radii` while prismatic joints are at most `farthest` from 0 [m], (dof,).
+
+        - `farthest`: largest distance of each joint from 0 [m or rad], (dof,).
+        - `slides`: True for prismatic joints, (dof,).
+        """
+        # Prismatic joints between a revolute joint and the second body move the body away from the
+        # axis of the revolute joint.
+        travel = farthest * slides * (np.arange(len(slides)) < self.second.link)
+        later_travel = np.cumsum(travel[::-1])[::-1] - travel
+        return self.radii + later_travel * (self.radii > 0) * ~slides
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
-    """Body pairs of an arm and its cell: the pairs to check, and the excluded pairs."""
+    """Return the body pairs of an arm and its cell: those to check, and those excluded."""
     chain, shapes = _parts(arm)
     bodies = shapes.shapes
     _check_obstacles(bodies, scene)
@@ -94,18 +99,18 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         left_out.append(LeftOut(first=first.name, second=second.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
     for first, second in combinations(sorted(bodies, key=lambda x: x.link), 2):
-        why = _exclusion_reason(first, second, reasons)
-        if why is None:
+        exclusion = _exclusion_reason(first, second, reasons)
+        if exclusion is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
             pairs.append(_make_pair(radii_of, first, second, kind, margin))
         elif first.name != second.name:
-            left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
+            left_out.append(LeftOut(first=first.name, second=second.name, reason=exclusion))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
 
 
 def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
-    """Links that should stay above the mounting plane of the base, each paired with the plane."""
+    """Pair the mounting plane of the base with each link that should stay above it."""
     if arm.dimension != 3 or not scene.has_mounting_plane:
         return ()
     chain, shapes = _parts(arm)
@@ -121,7 +126,7 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
-    """Chain and shapes of an arm; raises an error if one of them is unknown."""
+    """Return chain and shapes of an arm; raise InvalidInput if the shapes are unknown."""
     if arm.shapes is None or not arm.shapes.shapes:
         raise InvalidInput(
             f"The shapes of the links of the arm {arm.name} are not known, so its clearance "
@@ -132,7 +137,7 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
 
 
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
-    """Exclusions of the links whose shape is unknown."""
+    """Return the exclusions of the links whose shape is unknown."""
     known = {x.link for x in bodies}
     reason = "no shape of it is known"
     left_out = []
@@ -169,35 +174,46 @@ def _check_obstacles(bodies: Sequence[LinkShape], scene: Scene) -> None:
 def _obstacle_pairs(
     chain: Chain, bodies: Sequence[LinkShape], scene: Scene
 ) -> Iterable[tuple[LinkShape, LinkShape, str, float, bool]]:
-    """Yield all pairs with an obstacle, with kind and margin, and True if they may touch."""
+    """Yield all pairs with an obstacle: two bodies, kind, margin [m], whether they may touch."""
     # `chain.base` is the frame of the base or table (link 0) in the work frame.
     floor = (chain.floor_link, chain.floor)
     part = (0, chain.base.inverse)
     placed = []
-    for x in scene.obstacles:
-        on_floor = x.fixed_to == BASE
+    for obstacle in scene.obstacles:
+        on_floor = obstacle.fixed_to == BASE
         link, frame = floor if on_floor else part
-        place = frame @ x.place
-        body = LinkShape(name=x.name, link=link, shape=x.shape, place=place, on_floor=on_floor)
-        placed.append((x, body.with_hull()))
+        shape = LinkShape(
+            name=obstacle.name,
+            link=link,
+            shape=obstacle.shape,
+            place=frame @ obstacle.place,
+            on_floor=on_floor,
+        )
+        placed.append((obstacle, shape.with_hull()))
     margins = scene.margins
-    for x, obstacle in placed:
+    for obstacle, shape in placed:
         for body in bodies:
-            kind, usual = (TOOL, margins.tool) if body.tool else (ENVIRONMENT, margins.environment)
-            allowed = body.name in x.allow or (body.tool and TOOL in x.allow)
-            yield obstacle, body, kind, usual if x.margin is None else x.margin, allowed
+            kind = TOOL if body.tool else ENVIRONMENT
+            margin = margins.tool if body.tool else margins.environment
+            if obstacle.margin is not None:
+                margin = obstacle.margin
+            allowed = body.name in obstacle.allow or (body.tool and TOOL in obstacle.allow)
+            yield shape, body, kind, margin, allowed
     # A positioner moves the part towards obstacles.
     for (x, first), (y, second) in combinations(placed, 2):
         if first.link != second.link:
-            own = [z.margin for z in (x, y) if z.margin is not None]
+            specified = [z.margin for z in (x, y) if z.margin is not None]
             allowed = y.name in x.allow or x.name in y.allow
-            yield first, second, ENVIRONMENT, max(own, default=margins.environment), allowed
+            yield first, second, ENVIRONMENT, max(specified, default=margins.environment), allowed
 
 
 def _exclusion_reason(
     first: LinkShape, second: LinkShape, reasons: dict[frozenset[str], str]
 ) -> str | None:
-    """Reason to exclude two bodies of the arm; None if their distance must be checked."""
+    """Return why two bodies of the arm are excluded; None if their distance must be checked.
+
+    - `reasons`: reasons of the arm to exclude pairs, by the names of both bodies.
+    """
     if first.link == second.link:
         return "they move together"
     reason = reasons.get(frozenset((first.name, second.name)))
@@ -214,7 +230,11 @@ def _make_pair(
     kind: str,
     margin: float,
 ) -> Pair:
-    """Make a pair with the bounds on its approach speed."""
+    """Make a pair with the bounds on its approach speed.
+
+    - `radii_of`: function that returns `_radii` of a body.
+    - `one`, `other`: the bodies, in any order.
+    """
     first, second = sorted((one, other), key=lambda x: x.link)
     # Only joints between the links of both bodies cause relative motion. The points of a half-space
     # are at any distance from their axes.
@@ -225,7 +245,10 @@ def _make_pair(
 
 
 def _radii(chain: Chain, body: LinkShape) -> FloatArray:
-    """`Pair.radii` of a body: largest distances of its points from the joint axes [m], (dof,)."""
+    """Return the largest distances of a body's points from the joint axes [m], (dof,).
+
+    `_make_pair` sets those of joints that do not move both bodies relative to each other to 0.
+    """
     radii = np.zeros(len(chain))
     slides = chain.slides
     middle, size = body.shape.ball
@@ -256,7 +279,7 @@ class Distances:
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
         self._pairs = pairs
-        made = partial(_geometry, self._coal)
+        convert = partial(_geometry, self._coal)
         # Bodies are compared by identity.
         bodies: dict[int, LinkShape] = {}
         for pair in pairs:
@@ -271,54 +294,57 @@ class Distances:
         self._joints = np.array([x.link - 1 for x in bodies.values()], dtype=np.intp)
         placements = [turns[x.link] @ x.place.matrix for x in bodies.values()]
         self._places = np.array(placements).reshape(-1, 3, 4)
-        self._shapes = [(made(x.first.shape), made(x.second.shape)) for x in pairs]
+        self._shapes = [(convert(x.first.shape), convert(x.second.shape)) for x in pairs]
         self._exact: list[tuple[Any, Any] | None] = []
         for pair in pairs:
             first = pair.first.exact or pair.first.shape
             second = pair.second.exact or pair.second.shape
-            self._exact.append(None if _hulls_decide(pair) else (made(first), made(second)))
+            self._exact.append(None if _hulls_decide(pair) else (convert(first), convert(second)))
         self._ends = np.array(
             [(places[id(x.first)], places[id(x.second)]) for x in pairs], dtype=np.intp
         ).reshape(-1, 2)
         self._request = self._coal.DistanceRequest()
         self._request.enable_signed_distance = True
-        self._still = self._coal.Transform3s()
+        self._identity = self._coal.Transform3s()
 
     def measure(self, q: FloatArray, state: IntArray, pair: IntArray) -> FloatArray:
-        """Distances of pairs at joint positions [m], (m,); negative if the bodies overlap.
+        """Measure pair distances at joint positions [m], (m,); negative if the bodies overlap.
 
         - `q`: joint positions [rad], (n, dof).
         - `state`: row of q of each result, (m,).
         - `pair`: index of its pair, (m,).
         """
-        turned, moved = self._relative(q, state, pair)
+        rotations, positions = self._relative(q, state, pair)
         distances = []
         placement = self._coal.Transform3s()
         result = self._coal.DistanceResult()
-        for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
-            placement.setTransform(turn, move)
-            distances.append(self._distance(p, placement, result))
+        for k, rotation, position in zip(pair.tolist(), rotations, positions, strict=True):
+            placement.setTransform(rotation, position)
+            distances.append(self._distance(k, placement, result))
         return np.array(distances)
 
     def points(self, q: FloatArray) -> FloatArray:
-        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
+        """Return the two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
 
         `q` are the joint positions of each pair [rad], (pairs, dof).
         """
-        every = np.arange(len(self._pairs))
-        turned, moved = self._relative(q, every, every)
-        points = np.empty((len(every), 2, 3))
+        pairs = np.arange(len(self._pairs))
+        rotations, positions = self._relative(q, pairs, pairs)
+        points = np.empty((len(pairs), 2, 3))
         # Each call has its own result object, because several threads may call.
         result = self._coal.DistanceResult()
-        for k in range(len(every)):
-            self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
+        for k in range(len(pairs)):
+            self._distance(k, self._coal.Transform3s(rotations[k], positions[k]), result)
             points[k, 0] = result.getNearestPoint1()
             points[k, 1] = result.getNearestPoint2()
-        first = self._placements(q)[every, self._ends[:, 0]]
+        first = self._placements(q)[pairs, self._ends[:, 0]]
         return np.asarray(points @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
     def _distance(self, pair: int, placement: Any, result: Any) -> float:
-        """Distance of a pair [m]; `placement`: second body in the frame of the first body."""
+        """Return the distance of a pair [m], and write its nearest points to `result`.
+
+        - `placement`: second body in the frame of the first body.
+        """
         distance = self._between(*self._shapes[pair], placement, result)
         exact = self._exact[pair]
         if exact is not None and distance < self._pairs[pair].margin + UNCERTAINTY:
@@ -326,14 +352,14 @@ class Distances:
         return distance
 
     def _between(self, first: Any, second: Any, placement: Any, result: Any) -> float:
-        """Distance of two library objects [m]; negative if they overlap."""
+        """Return the distance of two objects of the library [m]; negative if they overlap."""
         result.clear()
         # `ComputeDistance` is faster, but its result depends on the previous calls.
         distance = self._coal.distance
-        return float(distance(first, self._still, second, placement, self._request, result))
+        return float(distance(first, self._identity, second, placement, self._request, result))
 
     def _placements(self, q: FloatArray) -> FloatArray:
-        """Placements of all bodies in the work frame, (n, bodies, 3, 4)."""
+        """Return the placements of all bodies in the work frame, (n, bodies, 3, 4)."""
         joints = frames_of(self._links, kernel_array(q))
         # The base (link 0) is stored at index -1, in place of the tool.
         joints[:, -1] = self._base
@@ -345,14 +371,17 @@ class Distances:
     def _relative(
         self, q: FloatArray, state: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotations (m, 3, 3) and positions (m, 3) of second bodies in the frames of first ones."""
+        """Return the placements of second bodies in the frames of first ones; as for `measure`.
+
+        Returns rotations, (m, 3, 3), and positions [m], (m, 3).
+        """
         # The library reads contiguous arrays in half of the time.
         placed = self._placements(q)
         first = placed[state, self._ends[pair, 0]]
         second = placed[state, self._ends[pair, 1]]
-        back = np.swapaxes(first[:, :, :3], 1, 2)
+        inverse_rotation = np.swapaxes(first[:, :, :3], 1, 2)
         second[:, :, 3] -= first[:, :, 3]
-        relative = back @ second
+        relative = inverse_rotation @ second
         return np.ascontiguousarray(relative[:, :, :3]), np.ascontiguousarray(relative[:, :, 3])
 
 
@@ -405,7 +434,7 @@ def _geometry(coal: Any, shape: Shape) -> Any:
 
 
 def _mesh(coal: Any, shape: Mesh) -> Any:
-    """Convert a mesh's triangles to the library's object, or of its convex hull without them."""
+    """Convert a mesh to the library's object: its triangles, or without any its convex hull."""
     triangles = shape.triangles
     model = coal.BVHModelOBBRSS()
     model.beginModel(0 if triangles is None else len(triangles), len(shape.points))
@@ -441,11 +470,11 @@ def exclude_touching(arm: Arm) -> ArmShapes:
 
 
 def _postures(arm: Arm) -> FloatArray:
-    """All joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
-    far = np.where(arm.chain.slides, arm.span, np.pi)
-    low, high = (np.clip(x, -far, far) for x in arm.limits.joint_range(arm.dof))
+    """Return all joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
+    farthest = np.where(arm.chain.slides, arm.span, np.pi)
+    low, high = (np.clip(x, -farthest, farthest) for x in arm.limits.joint_range(arm.dof))
     # Multiples of the square root of a prime, modulo 1, are evenly distributed.
     steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
     steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])
-    shares = np.arange(1, POSTURES + 1)[:, None] * steps % 1
-    return np.vstack([np.zeros(arm.dof), low + shares * (high - low)])
+    fractions = np.arange(1, POSTURES + 1)[:, None] * steps % 1
+    return np.vstack([np.zeros(arm.dof), low + fractions * (high - low)])

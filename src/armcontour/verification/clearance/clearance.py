@@ -81,11 +81,11 @@ class PairClearance:
 
     def later(self, by: float) -> PairClearance:
         """Return the same result with all times shifted by a time [s]."""
-        first = None if self.first_time is None else self.first_time + by
-        return replace(self, t=self.t + by, first_time=first)
+        first_time = None if self.first_time is None else self.first_time + by
+        return replace(self, t=self.t + by, first_time=first_time)
 
     def __str__(self) -> str:
-        """The pair, its distance and time, as a sentence."""
+        """Write the pair, its distance and time as a sentence."""
         verb = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
         return f"{self.second} and {self.first} {verb}, {self.place}"
 
@@ -170,23 +170,23 @@ class Clearance(Result):
         """
         if self.satisfied:
             return
-        first, *others = self.too_near
+        nearest, *others = self.too_near
         names = list_some([f"{x.second} and {x.first}" for x in others], 5)
         collision = Collision(
-            f"{first}, but must not come nearer than {number(first.margin, 'm')}"
+            f"{nearest}, but must not come nearer than {number(nearest.margin, 'm')}"
             f"{f' (also {names})' if others else ''}. "
             f"{remedy}, or allow them to touch.",
-            t=first.first_time,
-            point=first.points[1].tolist(),
+            t=nearest.first_time,
+            point=nearest.points[1].tolist(),
             limit="clearance",
-            needed=first.margin,
-            allowed=first.high,
+            needed=nearest.margin,
+            allowed=nearest.high,
         )
-        collision.bodies = (first.first, first.second)
+        collision.bodies = (nearest.first, nearest.second)
         raise collision
 
     def to_data(self) -> Data:
-        """The verdict, and the pairs, sorted by distance above the margin."""
+        """Return the verdict, and the pairs sorted by distance above the margin."""
         below = None if not self.below else -self.below[0].high
         note = "" if self.least is None else self.least.bodies
         if self.too_near:
@@ -328,7 +328,7 @@ class Cell:
         )
 
     def below(self, motion: Motion, resolution: float = 1e-3) -> tuple[PairClearance, ...]:
-        """Links that go below the mounting plane of the base, the lowest first.
+        """Find the links that go below the mounting plane of the base, the lowest first.
 
         Args:
             motion: The motion.
@@ -369,7 +369,7 @@ class Cell:
         return self.first_violation(motion, np.inf) == np.inf
 
     def first_violation(self, motion: Motion, enough: float = 0.0) -> float:
-        """First time at which a margin is violated [s]; infinite if all are satisfied.
+        """Return the first time at which a margin is violated [s]; infinite if never.
 
         Args:
             motion: The motion.
@@ -384,7 +384,7 @@ class Cell:
 
 @lru_cache(maxsize=CELLS)
 def cell_of(arm: Arm, scene: Scene | None) -> Cell:
-    """Cached cell of an arm and a scene; without obstacles if the scene is None."""
+    """Return the cell of an arm and a scene, from a cache; without obstacles if scene is None."""
     return Cell(arm, Scene() if scene is None else scene)
 
 
@@ -443,13 +443,17 @@ class _ClearanceSearch:
     @property
     def _decided(self) -> bool:
         """True if only a violation is to be determined, and an early one is found."""
-        found = self.first_violation
-        return self._resolution == np.inf and found < np.inf and found <= self._enough
+        violation = self.first_violation
+        return self._resolution == np.inf and violation < np.inf and violation <= self._enough
 
     def results(self) -> list[PairClearance]:
-        """Results of all pairs."""
-        first = [self._violation_time(k) for k in range(len(self.pairs))]
-        t = np.array([at if x is None else x for x, at in zip(first, self._at, strict=True)])
+        """Return the results of all pairs."""
+        first_times = [self._violation_time(k) for k in range(len(self.pairs))]
+        # Points are shown at the first violation, or at the smallest distance if there is none.
+        t = self._at.copy()
+        for k, first_time in enumerate(first_times):
+            if first_time is not None:
+                t[k] = first_time
         points = self._distances.points(self._positions(t))
         return [
             PairClearance(
@@ -461,23 +465,24 @@ class _ClearanceSearch:
                 high=float(self._high[k]),
                 t=float(self._at[k]),
                 points=checks.frozen_array(points[k]),
-                first_time=first[k],
+                first_time=first_times[k],
             )
             for k, x in enumerate(self.pairs)
         ]
 
     def _bound_distances(self, t: FloatArray, travel: FloatArray) -> None:
-        """Search a part of the motion.
+        """Bound all pair distances in a part of the motion.
 
-        `t` are the times of the breaks in the part [s], `travel` the largest travel of each joint
-        since the start of the part [rad], (n, dof).
+        - `t`: times of the breaks in the part [s], (n,).
+        - `travel`: largest travel of each joint since the start of the part [rad], (n, dof).
         """
         pair = np.arange(len(self.pairs))
         begin = np.full(len(pair), t[0])
         end = np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
-        first = self._measure(pair, begin)
-        distance = first, self._measure(pair, end) if travel[-1].any() else first
+        begin_distance = self._measure(pair, begin)
+        end_distance = self._measure(pair, end) if travel[-1].any() else begin_distance
+        distance = begin_distance, end_distance
         while len(pair) and not self._decided:
             width = travelled[1] - travelled[0]
             # The distance changes at most as fast as the travel grows.
@@ -495,8 +500,8 @@ class _ClearanceSearch:
             # more pieces.
             count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
             # Edges of the pieces, one row per window.
-            shares = np.arange(count + 1) / count
-            edges = begin[:, None] + (end - begin)[:, None] * shares
+            fractions = np.arange(count + 1) / count
+            edges = begin[:, None] + (end - begin)[:, None] * fractions
             edges[:, -1] = end
             inner = edges[:, 1:-1].ravel()
             inner_pair = np.repeat(pair, count - 1)
@@ -511,11 +516,15 @@ class _ClearanceSearch:
     def _bound_approach(
         self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
     ) -> FloatArray:
-        """Bounds on the approach of pairs from the start of the part to the times [m], (n,)."""
+        """Bound the approach of pairs from the start of the part to times [m], (m,).
+
+        - `t`, `travel`: breaks of the part [s], (n,), and travel to them [rad], (n, dof).
+        - `times`, `pair`: times [s] and indices of pairs, (m,) each.
+        """
         i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
         fraction = ((times - t[i]) / (t[i + 1] - t[i]))[:, None]
-        moved = (1 - fraction) * travel[i] + fraction * travel[i + 1]
-        return np.asarray((moved * self._radii[pair]).sum(axis=1))
+        travel_then = (1 - fraction) * travel[i] + fraction * travel[i + 1]
+        return np.asarray((travel_then * self._radii[pair]).sum(axis=1))
 
     def _record_violation(self, t: FloatArray, violated: BoolArray) -> None:
         """Record the first of the times at which a margin is violated."""
@@ -524,7 +533,12 @@ class _ClearanceSearch:
     def _undecided(
         self, pair: IntArray, begin: FloatArray, low: FloatArray, width: FloatArray
     ) -> BoolArray:
-        """Mask of the windows that must be subdivided."""
+        """Return the mask of the windows that must be subdivided, (m,).
+
+        - `pair`, `begin`: index of the pair and start [s] of each window, (m,) each.
+        - `low`: lower bound of the distance in each window [m], (m,).
+        - `width`: bound of the approach in each window [m], (m,).
+        """
         if self._resolution == np.inf:
             unproven = (low < self._margins[pair]) & (begin < self.first_violation)
             return np.asarray(unproven & (width > MARGIN_TOLERANCE))
@@ -539,7 +553,7 @@ class _ClearanceSearch:
         )
 
     def _measure(self, pair: IntArray, t: FloatArray) -> FloatArray:
-        """Bound pair distances at times from below [m], (n,); records the smallest distances."""
+        """Return lower bounds of pair distances at times [m], (m,); record smallest distances."""
         times, index = np.unique(t, return_inverse=True)
         distances = self._distances.measure(self._positions(times), index, pair)
         self.evaluations += len(pair)
@@ -552,7 +566,7 @@ class _ClearanceSearch:
         return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
     def _violation_time(self, k: int) -> float | None:
-        """First time at which pair k may violate its margin [s]; None if it does not."""
+        """Return the first time at which pair k may violate its margin [s]; None if never."""
         if self._low[k] >= self.pairs[k].margin:
             return None
         return self._first_time(k, float(self._at[k]))
@@ -562,8 +576,9 @@ class _ClearanceSearch:
 
         The pair travels at most VIOLATION_TRAVEL between the exact time and the result.
         """
-        travelled = self._travel @ self._radii[k]
+        travelled = self._travel @ self._radii[k]  # Bound of the approach since the start [m]
         margin = self.pairs[k].margin
+        # Windows are ranges of the travel, of which the earliest is searched first.
         windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
         while windows:
             begin, end = windows.pop()
@@ -571,8 +586,8 @@ class _ClearanceSearch:
             t = np.interp(edges, travelled, self._t)
             distance = self._measure(np.full(len(t), k), t)
             if distance[0] < margin:
-                # If the arm rests at the start, several times have no travel: use the first of
-                # them.
+                # While the arm rests at the start, all times have the same distance. The first of
+                # them counts.
                 return float(t[0] if begin > 0 else self._t[0])
             low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
             doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()
@@ -582,7 +597,7 @@ class _ClearanceSearch:
         return latest
 
     def _positions(self, t: FloatArray) -> FloatArray:
-        """Joint positions at times [rad], (n, dof)."""
+        """Return the joint positions at times [rad], (n, dof)."""
         if isinstance(self._motion, Trajectory):
             return self._motion(np.clip(t, 0.0, self._motion.duration))
         if isinstance(self._motion, JointPath):
