@@ -8,7 +8,7 @@ from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
-from armcontour.motion import JointPath, LapLaw, PathLaw, Rates, dwell_law, largest_shares
+from armcontour.motion import LapLaw, PathLaw, Rates, largest_shares
 
 
 def test_laps_are_the_parabolas_of_equation_21():
@@ -81,23 +81,6 @@ def test_breaks_in_disorder_are_refused():
 
 
 LIMITS = ac.Limits(joint_velocity=[1.0, 2.0], joint_acceleration=[3.0, 2.0])
-
-
-@pytest.fixture(scope="module")
-def many():
-    """Laws along bent joint paths, each of which continues the previous one, and two pauses."""
-    rng = np.random.default_rng(3)
-    laws = []
-    q = np.zeros(2)
-    for k in range(12):
-        points = np.concatenate([[q], q + rng.uniform(-1, 1, (k % 4 + 1, 2))])
-        laws += ac.plan(
-            JointPath.spline(points), limits=LIMITS, options=ac.Optimal(intervals=40)
-        ).laws
-        q = points[-1]
-        if k in (3, 7):
-            laws.append(dwell_law(q, 0.25))
-    return ac.Trajectory(laws=tuple(laws), method="optimal")
 
 
 def derivatives(polynomials, s, count):

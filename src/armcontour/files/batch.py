@@ -85,7 +85,8 @@ class Batch:
     def table(self) -> list[dict[str, Any]]:
         """Return rows as mappings with equal keys, for CSV files and pandas, in SI units."""
         rows = [_plain_row(x) for x in self.rows]
-        names = sorted(dict.fromkeys(chain.from_iterable(rows)), key="error".__eq__)
+        # The error is the last column.
+        names = sorted(dict.fromkeys(chain.from_iterable(rows)), key=lambda name: name == "error")
         return [{name: x.get(name) for name in names} for x in rows]
 
     def cells(self) -> list[tuple[str, ...]]:

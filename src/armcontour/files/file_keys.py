@@ -167,7 +167,7 @@ def _forms_of_items(leaf: Any) -> list[type]:
 
 
 def _form_of(data: Any) -> type | None:
-    """Return the form of data; None for None."""
+    """Return the type in FORMS that data have (a whole number counts as a float); None if none."""
     return next((x for x in FORMS if isinstance(data, (int, float) if x is float else x)), None)
 
 

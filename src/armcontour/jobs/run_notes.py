@@ -65,7 +65,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
             "for milliseconds, write cycle: 4 ms."
         )
     if result.set_points is not None:
-        yield from _changed_commands(result.set_points, result.servo)
+        yield from _warn_of_set_points(result.set_points, result.servo)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
         if run.compensation.compensates:
@@ -74,7 +74,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
         yield _unsettled(executed)
         yield _not_followed(run, executed, result.evaluation)
     if (experiment := result.experiment) is not None and experiment.uncompensated is not None:
-        yield _worse_than_none(run, experiment.evaluation, experiment.uncompensated)
+        yield _warn_of_useless_compensation(run, experiment.evaluation, experiment.uncompensated)
     yield from result.path.notes
 
 
@@ -270,7 +270,7 @@ def _collisions(result: RunRecord) -> Iterator[str | None]:
     yield planned.below_base
 
 
-def _changed_commands(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
+def _warn_of_set_points(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
     """Yield warnings if set-points are truncated, changed, or beyond limits of the plan."""
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
@@ -326,7 +326,7 @@ def _not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> str:
     )
 
 
-def _worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> str:
+def _warn_of_useless_compensation(run: Run, judged: Evaluation, uncompensated: Evaluation) -> str:
     """Warn if compensation increases the contour error of the rigid-body simulation."""
     compensated = judged.contour_error
     without = uncompensated.contour_error

@@ -4,7 +4,8 @@ The method is backward and forward reachability in (s, ds²), after TOPP-RA. On 
 path acceleration is linear in s. Its slope is chosen in advance so that the active constraint is
 active on the whole interval. Every constraint is satisfied at both ends of an interval with a
 margin that bounds its rise between them; for torques and some limits of the tool the bound is
-sampled. docs/concepts/time_optimal.md has the proof.
+sampled. At zero-inertia points, where dq_ds of a joint vanishes, a plan can be slower than the
+optimum by the grid's error. docs/concepts/time_optimal.md has the proof, and how good the plan is.
 """
 
 from __future__ import annotations

@@ -111,8 +111,8 @@ class Switch(Checked):
     def _check_together(self) -> None:
         if self.value is False:
             raise InvalidInput(
-                f"The value of the switch {self.name} is false, but it must differ from the value "
-                "while the process is off, which is false."
+                f"The switch {self.name} has the value false, which is its value while the process "
+                "is off. Specify the value that switches the process on, such as true."
             )
 
 

@@ -49,7 +49,7 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
     lines = []
     for k, (kind, curves) in enumerate(pieces):
         look = limit_style(kind)
-        points, breaks = _joined(curves)
+        points, breaks = _simplify_and_join(curves)
         arrays |= {f"points{k}": to_float32(in_space(points)), f"breaks{k}": breaks}
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
@@ -70,7 +70,7 @@ def _postures(trajectory: Trajectory) -> dict[str, Any]:
     return {"t": to_float32(t[chosen]), "q": to_float32(np.round(q[chosen] / ANGLE) * ANGLE)}
 
 
-def _joined(curves: Sequence[FloatArray]) -> tuple[FloatArray, Any]:
+def _simplify_and_join(curves: Sequence[FloatArray]) -> tuple[FloatArray, Any]:
     """Join simplified curves; also return where each curve starts, and the end, as indices."""
     size = max(float(np.ptp(x, axis=0).max()) for x in curves)
     chosen = simplify(curves, VISIBLE * size)

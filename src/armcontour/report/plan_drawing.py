@@ -169,7 +169,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
     axes = view_of(np.concatenate(contours))
     sheet = Sheet.of(np.concatenate([*contours, *rapids]), axes)
     lines = [
-        *_kerf(result, job.process, sheet),
+        *_draw_kerf(result, job.process, sheet),
         *_as_drawn(result, job, sheet),
         *_leads(result, sheet),
     ]
@@ -406,7 +406,7 @@ def rapid_paths(result: RunResult) -> list[FloatArray]:
     return list(points.reshape(len(spans), RAPID_PLACES, -1))
 
 
-def _kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[Line]:
+def _draw_kerf(result: RunResult, process: Process, sheet: Sheet) -> Iterator[Line]:
     """Yield the bands of material that the kerf removes."""
     widths: defaultdict[float, list[FloatArray]] = defaultdict(list)
     for path, begin, end, kerf in cut_parts(result.path, process):

@@ -169,20 +169,20 @@ class SerialArm(Arm):
         if assumed is not None:
             names = [x for x in JOINT_VALUES if getattr(assumed, x) is not None]
             assumed = Limits(**{x: getattr(limits, x) for x in names})
-        arm = self._of(chain, limits, assumed)
+        arm = self._with_chain(chain, limits, assumed)
         return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
 
     def without_held(self) -> SerialArm:
         """Return the arm for kinematics in which the held joints are rigid."""
         moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
         limits = select_joints(self.limits, moving)
-        return self._of(self.chain.without_held(), limits, None)
+        return self._with_chain(self.chain.without_held(), limits, None)
 
     @cached_property
     def from_floor(self) -> SerialArm:
         """The arm without the positioner, with its work frame on the floor, for kinematics."""
         rest = np.arange(self.chain.floor_link, self.dof)
-        return self._of(self.chain.arm_branch, select_joints(self.limits, rest), None)
+        return self._with_chain(self.chain.arm_branch, select_joints(self.limits, rest), None)
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
@@ -226,7 +226,7 @@ class SerialArm(Arm):
         """
         return self._motion(q, dq, ddq)[..., 6:]
 
-    def _of(self, chain: Chain, limits: Limits, assumed: Limits | None) -> SerialArm:
+    def _with_chain(self, chain: Chain, limits: Limits, assumed: Limits | None) -> SerialArm:
         """Return the arm with another chain and other limits, without shapes."""
         return SerialArm(
             name=self.name,
@@ -241,7 +241,7 @@ class SerialArm(Arm):
 
     def _with(self, chain: Chain, *cached: str) -> SerialArm:
         """Copy of the arm with another chain, with the cached values of some attributes."""
-        arm = self._of(chain, self.limits, self.assumed_limits)
+        arm = self._with_chain(chain, self.limits, self.assumed_limits)
         # The copy shares the shapes, even if they have not been read yet.
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})

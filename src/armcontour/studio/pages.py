@@ -97,15 +97,18 @@ class Pages:
                     page.send(packed[seq], key)
 
     def keep_file(self, name: str, data: bytes) -> str:
-        """Store a file for download; returns its random identifier."""
-        number = secrets.token_hex(8)
+        """Store a file for download, and return its identifier.
+
+        Above the limits of number and size, the oldest files are deleted.
+        """
+        identifier = secrets.token_hex(8)
         with self._lock:
-            self.files[number] = File(name, data)
+            self.files[identifier] = File(name, data)
             while len(self.files) > MAX_FILES or (
                 len(self.files) > 1 and sum(len(x.data) for x in self.files.values()) > MAX_BYTES
             ):
                 del self.files[next(iter(self.files))]
-        return number
+        return identifier
 
 
 def _replacement_key(frame: MessageFrame) -> str | None:

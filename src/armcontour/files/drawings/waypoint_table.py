@@ -48,7 +48,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     """
     table, notes = _read(data, source, options)
     values = _quantities(table, options)
-    orientation = _orientation(table, values)
+    orientation = _read_orientation_columns(table, values)
     texts = {key: list(accumulate(_texts(table, key), _fill_down)) for key in TEXTS}
     bounds = [0, *_changes(texts), len(table.lines)]
     contours = []
@@ -138,7 +138,7 @@ def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatAr
     return values
 
 
-def _orientation(
+def _read_orientation_columns(
     table: CsvTable[str], values: Mapping[str, FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray] | None:
     """Return the columns of the tool orientation and their numbers, (rows, 3 or 4).

@@ -71,7 +71,7 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
 
 def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
     """Return the table of a robot at rest that has all events and levels of a job."""
-    levels = dict(_levels(job.process))
+    levels = dict(_analog_levels(job.process))
     count = max([TRIAL_POINTS, *(len(x) + 1 for x in levels.values())])
     rest = np.zeros((count, job.arm.dof))
     rest.setflags(write=False)
@@ -90,7 +90,7 @@ def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
     )
 
 
-def _levels(process: Process) -> Iterator[tuple[str, FloatArray]]:
+def _analog_levels(process: Process) -> Iterator[tuple[str, FloatArray]]:
     """Yield each analog output of a process: its name and its levels."""
     for name in process.analog_names:
         levels = set[float]()

@@ -119,7 +119,10 @@ def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
 
 @compiled(inner=True)
 def _fastest_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """Return the ds² with the fastest first interval, if the joints rest at the start at any ds."""
+    """Return the start value of ds² with which the first interval is fastest.
+
+    It is free if dq_ds vanishes at the start, because then the joints rest there at any ds.
+    """
     # A ds² slightly below the largest one may allow a far larger u, because dq_ds is rounded.
     best = ceiling[0]
     fastest = 0.0

@@ -388,15 +388,15 @@ def _estimate_uses(
     lags = not case.run.compensation.compensates
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
 
-    def in_cells(t: FloatArray, values: FloatArray, before: float = 0.0) -> FloatArray:
-        """Return the largest values near each cell, and in the time `before` [s] after it."""
-        return _largest_in_cells(t, values, edges, window, cycle + memory, before)
+    def in_cells(t: FloatArray, values: FloatArray, lag: float = 0.0) -> FloatArray:
+        """Return each cell's largest value, also up to `lag` [s] later, which it may cause."""
+        return _largest_in_cells(t, values, edges, window, cycle + memory, lag)
 
-    def largest(piece: ContourExecution, values: FloatArray, before: float = 0.0) -> FloatArray:
+    def largest(piece: ContourExecution, values: FloatArray, lag: float = 0.0) -> FloatArray:
         """Return the largest values of a contour near each cell; `values` are at its samples."""
         all_values = np.zeros(len(piece.executed.t))
         all_values[piece.samples] = values
-        return in_cells(piece.executed.t, all_values, before)
+        return in_cells(piece.executed.t, all_values, lag)
 
     uses = {
         "acceleration": np.max([in_cells(x.t, _demands(case, x)) for x in runs], axis=0),
