@@ -176,6 +176,7 @@ def test_settings_change_the_selected_contour_only(studio):
 
 def test_contours_are_moved_left_out_and_run_again(studio):
     planned(studio)
+    studio.tab("contours")
     rows = studio.find("ol.contours .name")
     names = rows.all_inner_texts()
     rows.nth(1).click()
