@@ -250,7 +250,8 @@ def to_rpy(rotation: FloatArray) -> FloatArray:
 def exp(vectors: npt.ArrayLike) -> FloatArray:
     """Return the rotation matrices of rotation vectors v [rad], (..., 3) to (..., 3, 3).
 
-    Rodrigues' formula: R = I + (sin θ / θ) K + ((1 - cos θ) / θ²) K², with θ = |v| and K w = v × w.
+    Rodrigues' formula: R = I + (sin θ / θ) K + ((1 - cos θ) / θ²) K², with the length θ of v and
+    K w = v × w.
 
     >>> exp([0.0, 0.0, np.pi / 2]).round(3)[:, 0]
     array([0., 1., 0.])
@@ -275,7 +276,7 @@ def quaternions(matrices: npt.ArrayLike) -> FloatArray:
 def log(matrices: npt.ArrayLike) -> FloatArray:
     """Return rotation vectors [rad], of length 0 to pi, of rotation matrices, (3, 3) or (n, 3, 3).
 
-    The inverse of `exp`: the unit quaternion (v, w) has the angle θ = 2 atan2(|v|, w) about v.
+    The inverse of `exp`: the unit quaternion (v, w) has the angle `θ = 2 atan2(|v|, w)` about v.
     """
     q = quaternions(matrices)
     size = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1))
@@ -326,7 +327,7 @@ def perpendicular(vectors: FloatArray) -> FloatArray:
 def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the angles between unit vectors a and b [rad], from 0 to pi.
 
-    2 atan2(|a - b|, |a + b|) is accurate near 0 and near pi, where arccos(a · b) is not.
+    `2 atan2(|a - b|, |a + b|)` is accurate near 0 and near pi, where arccos(a · b) is not.
     """
     difference = np.linalg.norm(first - second, axis=-1)
     total = np.linalg.norm(first + second, axis=-1)
