@@ -35,10 +35,11 @@ def measure(options: Measure, _: None, progress: Progress) -> Outcome:
         refuse_existing(options.out, options.force)
     raise_if(options.force and options.out is None, "--force requires --out, the file to write.")
     job = files.read_job(options.job)
+    text = job_text(options.job)
     touches = read_touches(options.touches, job.arm, options.columns)
     noise = float(read_option("--noise", options.noise, Length))
     with error_context(options.touches.name):
-        measured, patch = _measure(options, job, touches, noise)
+        measured, patch = _measure(options, job, text, touches, noise)
     data = measured.to_data()
     lines = [
         *data_lines(data),
@@ -48,20 +49,19 @@ def measure(options: Measure, _: None, progress: Progress) -> Outcome:
     if options.out is None:
         lines.append("Add --out FILE to write the job with this frame.")
     else:
-        text = measured_job_text(
-            job_text(options.job), patch, options.job.parent, options.out.parent
-        )
-        file_access.write_atomically(options.out, lambda x: x.write_text(text, encoding="utf-8"))
+        written = measured_job_text(text, patch, options.job.parent, options.out.parent)
+        file_access.write_atomically(options.out, lambda x: x.write_text(written, encoding="utf-8"))
         lines.append(f"Job: {options.out}")
     return Outcome(lines=lines, page=plain(data))
 
 
 def _measure(
-    options: Measure, job: Job, touches: Touches, noise: float
+    options: Measure, job: Job, text: str, touches: Touches, noise: float
 ) -> tuple[Measurement, Patch]:
     """Measure a frame; return it, and the values of the job keys that state it.
 
-    `noise`: standard deviation of a touch [m].
+    - `text`: text of the job file.
+    - `noise`: standard deviation of a touch [m].
     """
     if options.target == "tool":
         if touches.points is not None:
@@ -70,21 +70,17 @@ def _measure(
                 "is computed. Remove them, or measure the part."
             )
         tool = measure_tool(job.arm, touches.q, noise=noise)
-        return tool, tool_patch(job, tool, job_text(options.job))
+        return tool, tool_patch(job, tool, text)
     part = measure_part(job.arm, touches.points, touches.q, noise=noise, region=_region(job))
-    patch = work_patch(job, part) if options.target == "work" else part_patch(job, part)
+    patch = work_patch(job, part) if options.target == "work" else part_patch(part)
     return part, patch
 
 
 def _region(job: Job) -> FloatArray:
-    """Return at most MAX_REGION points of the contours in the drawing's frame [m], (n, 3)."""
-    points = np.concatenate([x.path.vertices for x in job.program.contours])
-    step = math.ceil(len(points) / MAX_REGION)
-    region = points[::step]
-    if region.shape[1] == 2:
-        region = np.column_stack([region, np.zeros(len(region))])
-    inverse = job.part.inverse
-    return region @ inverse.rotation.T + inverse.position
+    """Return up to MAX_REGION points of the contours as drawn [m], (n, dimension)."""
+    drawn = job.program.placed(job.part.inverse)
+    points = np.concatenate([x.path.vertices for x in drawn.contours])
+    return np.asarray(points[:: math.ceil(len(points) / MAX_REGION)])
 
 
 def _residual_rows(measured: Measurement) -> list[tuple[str, str]]:

@@ -21,8 +21,8 @@ from armcontour.robot.measurement import MeasuredPart, MeasuredTool
 ROTATIONS = ("rpy", "quaternion")
 
 
-def part_patch(job: Job, measured: MeasuredPart) -> Patch:
-    """Return the key `path.frame` of a job with the measured frame of its part."""
+def part_patch(measured: MeasuredPart) -> Patch:
+    """Return the key `path.frame` with the measured frame of a part."""
     return {("path", "frame"): frame_keys(measured.frame)}
 
 

@@ -57,8 +57,6 @@ class Measurement(Frozen, Result):
         frame: Measured frame. For a part, it replaces `path.frame` or the work frame; for a tool,
             its position is the tool centre point in the flange frame.
         residuals: Distance of each touch from where the measured frame puts it [m], (n,).
-        touched: Touched positions [m], (n, dimension): of the tool in the work frame, or of the
-            flange in the base frame.
         noise: Standard deviation of each coordinate of a touch [m]: the stated one, or that of the
             residuals if it is larger.
         expected_error: Expected error [m]: for a part, the mean over repeated measurements of the
@@ -68,7 +66,6 @@ class Measurement(Frozen, Result):
     MEASURED: ClassVar[str] = ""
     frame: Frame
     residuals: FloatArray = field(repr=False)
-    touched: FloatArray = field(repr=False)
     noise: float
     expected_error: float
 
@@ -187,7 +184,6 @@ def measure_part(
     return MeasuredPart(
         frame=_in_space(rotation, position),
         residuals=checks.frozen_array(residuals),
-        touched=checks.frozen_array(touched),
         noise=sigma,
         expected_error=sigma * amplification,
     )
@@ -241,7 +237,6 @@ def measure_tool(arm: Arm, q: npt.ArrayLike, *, noise: Length = TOUCH_NOISE) -> 
         frame=Frame(position=pivot.tool),
         point=checks.frozen_array(pivot.point),
         residuals=checks.frozen_array(pivot.residuals),
-        touched=checks.frozen_array(positions),
         noise=sigma,
         expected_error=sigma * float(np.sqrt(np.trace(covariance[:3, :3]))),
     )
@@ -304,7 +299,6 @@ def _measure_axes(touched: FloatArray, noise: float, region: npt.ArrayLike | Non
     return MeasuredPart(
         frame=frame,
         residuals=checks.frozen_array(np.zeros(3)),
-        touched=checks.frozen_array(touched),
         noise=noise,
         expected_error=noise * amplification,
     )
