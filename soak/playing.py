@@ -181,7 +181,7 @@ class Trial:
                 job,
                 new_controller(),
                 execute=True,
-                speed_factor=1.0,
+                override=1.0,
                 stop_requested=self.stop_requested,
                 progress=self.tell,
             )

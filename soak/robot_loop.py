@@ -55,7 +55,7 @@ def identify_and_play(job: ac.Job) -> tuple[float, float]:
     servo = fit.servo_model()
     known = replace(job, servo=servo, plant_servo=servo)
     for _ in range(ATTEMPTS):
-        played = play(known, robot(), execute=True, speed_factor=1.0)
+        played = play(known, robot(), execute=True, override=1.0)
         if played.record is not None and played.record.faithful:
             break
     plan = played.plan

@@ -60,13 +60,16 @@ class Simulated(Controller):
         return self.held
 
     def stream(
-        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+        self,
+        motion: Motion,
+        stop_requested: Callable[[], bool] = lambda: False,
+        override: Callable[[], float] = lambda: 1.0,
+        show: Callable[[float], None] = lambda plan_time: None,
     ) -> PlayedMotion:
-        """Play a motion; `stop_requested` is asked in every cycle."""
+        """Play a motion; `stop_requested` is asked in every cycle, and `override` for each chunk."""
         self._check_motion(motion)
         self.motions.append(motion)
-        command = motion.q.copy()
-        stopped = None
+        sent = Sent(motion, self.cycle, override)
         measured = []
         dt = self.cycle
         q = self.held.copy()
@@ -75,23 +78,18 @@ class Simulated(Controller):
         u_before = self.held
         w_before = np.zeros_like(self.held)
         clipped = np.zeros_like(self.held)
-        asked = None
         k = 0
         notes: tuple[str, ...] = ()
-        while k < len(command):
-            u = command[k]
+        while k < sent.end:
+            u = sent.q[k]
             measured.append(q + self.noise * self.rng.standard_normal(len(q)))
-            far = motion.band is not None and bool(
-                (
-                    np.abs(measured[-1] - motion.predicted[min(k, len(motion.predicted) - 1)])
-                    > motion.band
-                ).any()
-            )
-            if asked is None and motion.next_stop is not None and (far or stop_requested()):
-                asked = motion.next_stop(k + 100)
-                stopped = asked.k
-                command = np.concatenate([command[:stopped], asked.q])
+            band = motion.band_at(np.array([sent.highest_rate(k)]))[0]
+            far = bool((np.abs(measured[-1] - sent.predicted[k]) > band).any())
+            if not sent.stopping and (far or stop_requested()):
+                sent.stop()
                 notes = ("A joint was too far from its predicted position.",) if far else ()
+            sent.advance(k)
+            show(float(sent.plan_time[k]))
             w = self.kp * ((u_before if self.late else u) - q)
             error = (w_before if self.late else w) - speed
             # HAL's pid does not wind up in saturation.
@@ -105,18 +103,103 @@ class Simulated(Controller):
             u_before = u
             w_before = w
             k = k + 1
-        self.held = command[-1]
+        self.held = sent.q[k - 1]
         return PlayedMotion(
-            t=np.arange(len(command)) * dt,
-            command=command,
+            t=np.arange(k) * dt,
+            command=sent.q[:k],
             measured=np.array(measured),
-            stopped=stopped,
+            plan_time=sent.plan_time[:k],
+            predicted=sent.predicted[:k],
+            stopped=sent.stopped,
             deviated=bool(notes),
             notes=notes,
         )
 
     def close(self) -> None:
         """Nothing to disconnect."""
+
+
+class Sent:
+    """Rows of a motion that a feeder has, chunk by chunk.
+
+    Args:
+        motion: The motion.
+        cycle: Cycle of the controller [s].
+        override: The wanted override.
+    """
+
+    # A chunk replaces the rows from this time later on [s].
+    AHEAD = 0.1
+    # Time between two chunks [s].
+    INTERVAL = 0.1
+
+    def __init__(self, motion: Motion, cycle: float, override: Callable[[], float]) -> None:
+        self.rows = motion.rows
+        self.cycle = cycle
+        self.override = override
+        self.stopping = False
+        self._asked = False
+        if self.rows is None:
+            self.q = motion.q
+            self.predicted = motion.q
+            self.plan_time = np.arange(len(motion.q)) * cycle
+            self.rate = np.ones(len(motion.q))
+            self.ends = True
+            return
+        self.target = override()
+        self.chunk = self.rows.first(self.target)
+        self.ends = self.chunk.ends
+        for name in ("q", "predicted", "plan_time", "rate"):
+            setattr(self, name, getattr(self.chunk, name))
+
+    @property
+    def end(self) -> float:
+        """Number of rows; infinite while another chunk can follow."""
+        return len(self.q) if self.ends else np.inf
+
+    @property
+    def stopped(self) -> int | None:
+        """Cycle from which on the motion stops before the end of its plan."""
+        if self.rows is None or self.chunk.pace.is_complete:
+            return None
+        return self.chunk.brake
+
+    def stop(self) -> None:
+        """Stop the motion on its path."""
+        self.stopping = True
+
+    def highest_rate(self, k: int) -> float:
+        """Return the largest override in the 2 s until a cycle."""
+        return float(self.rate[max(k - round(2.0 / self.cycle), 0) : k + 1].max())
+
+    def advance(self, k: int) -> None:
+        """Compute the next chunk if it is due in a cycle, and hold the last row if none is left."""
+        if self.rows is not None and not (self._asked and self.stopping):
+            wanted = 0.0 if self.stopping else self.override()
+            is_due = k % round(self.INTERVAL / self.cycle) == 0 and wanted > 0.0
+            later = k + round(self.AHEAD / self.cycle)
+            over = self.chunk.pace.is_complete and later > self.chunk.brake
+            if not over and (is_due or wanted != self.target or self.stopping):
+                self._next(later, wanted)
+        if k + 1 >= len(self.q) and not self.ends:
+            self._hold(k + 2)
+
+    def _next(self, k: int, wanted: float) -> None:
+        self._asked = self.stopping
+        self.target = wanted
+        self.chunk = self.rows.next(self.chunk, k, wanted, ends=self.stopping)
+        self._hold(k)
+        self.ends = self.chunk.ends
+        for name in ("q", "predicted", "plan_time", "rate"):
+            before = getattr(self, name)
+            setattr(self, name, np.concatenate([before[:k], getattr(self.chunk, name)]))
+
+    def _hold(self, count: int) -> None:
+        """Repeat the last row until there are `count` rows."""
+        for name in ("q", "predicted", "plan_time", "rate"):
+            before = getattr(self, name)
+            more = max(count - len(before), 0)
+            setattr(self, name, np.concatenate([before, np.repeat(before[-1:], more, axis=0)]))
 
 
 class Lost(Simulated):
@@ -133,17 +216,21 @@ class Lost(Simulated):
         self.motion = motion
 
     def stream(
-        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+        self,
+        motion: Motion,
+        stop_requested: Callable[[], bool] = lambda: False,
+        override: Callable[[], float] = lambda: 1.0,
+        show: Callable[[float], None] = lambda plan_time: None,
     ) -> PlayedMotion:
         """Play a motion, or raise ControllerLost with the record until then."""
-        record = super().stream(motion, stop_requested)
+        record = super().stream(motion, stop_requested, override, show)
         if len(self.motions) - 1 < self.motion:
             return record
         n = self.cycles
         lost = ControllerLost("simulated was lost: its process has ended")
         lost.record = replace(
             record, t=record.t[:n], command=record.command[:n], measured=record.measured[:n],
-            stopped=n,
+            plan_time=record.plan_time[:n], predicted=record.predicted[:n], stopped=n,
         )  # fmt: skip
         if self.record_file is not None:
             with open(self.record_file, "a") as file:

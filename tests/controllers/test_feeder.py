@@ -80,11 +80,14 @@ def bench(tmp_path):
     made.feeder.record.close()
 
 
-def rows(*values):
-    return [f"P {x} 0.0" for x in values]
+def block(number, k, more, *values):
+    """Lines of a block of rows that begins at cycle k."""
+    return [f"C {number} {k} {more}", *(f"P {x} 0.0" for x in values), "E"]
 
 
-MOTION = ["M", *rows(*range(10)), "E"]
+# A motion of ten rows, after which it ends, or another block can follow.
+MOTION = ["M", *block(1, 0, 0, *range(10))]
+OPEN = ["M", *block(1, 0, 1, *range(10))]
 
 
 def test_a_motion_is_played_after_its_start_command_and_recorded(bench, tmp_path):
@@ -94,7 +97,7 @@ def test_a_motion_is_played_after_its_start_command_and_recorded(bench, tmp_path
     bench.send("G")
     bench.loop(5)
     assert bench.commands == list(range(10))
-    assert bench.device.calls == ["start", "finish"] and bench.events == ["D"]
+    assert bench.device.calls == ["start", "finish"] and bench.events == ["K 1", "D"]
     bench.feeder.record.close()
     lines = (tmp_path / "samples.txt").read_text().splitlines()
     assert lines[3] == "0.0040000000000000001,3,0,3,0,3"
@@ -102,102 +105,91 @@ def test_a_motion_is_played_after_its_start_command_and_recorded(bench, tmp_path
     assert printed[3] == "s 4 3 3.0 0.0 3.0 0.0" and len(printed) == len(lines)
 
 
-def test_a_stop_is_not_played_before_the_request(bench):
-    bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
+def test_a_block_replaces_the_rows_from_its_first_cycle_on(bench):
+    bench.send(*OPEN, "G")
     bench.loop(2)
-    bench.send("S")
+    bench.send(*block(2, 6, 0, 60, 61))
     bench.loop(3)
     assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61]
-    assert bench.events == ["X 6", "D"]
+    assert bench.events == ["K 1", "K 2", "D"]
 
 
-def test_the_earliest_stop_that_can_still_begin_is_played(bench):
-    stops = []
-    for k in (2, 8, 4):
-        stops += [f"T {k}", *rows(10 * k), "E"]
-    bench.send(*MOTION, *stops, "G")
-    bench.loop(2)  # four rows are sent: 2 is too late
-    bench.send("S")
+def test_a_block_whose_first_row_was_sent_is_refused_and_the_motion_goes_on(bench):
+    bench.send(*OPEN, "G")
+    bench.loop(2)  # four rows are sent
+    bench.send(*block(2, 3, 0, 30), *block(3, 4, 0, 40))
     bench.loop(3)
-    assert bench.commands == [0, 1, 2, 3, 40] and bench.events == ["X 4", "D"]
+    assert bench.commands == [0, 1, 2, 3, 40]
+    assert bench.events == ["K 1", "B 2", "K 3", "D"]
 
 
-def test_without_a_stop_the_motion_is_played_to_its_end(bench):
-    bench.send(*MOTION, "G", "S")
-    bench.loop(5)
-    assert bench.commands == list(range(10)) and bench.events == ["D"]
+def test_the_last_row_is_held_until_the_next_block(bench):
+    bench.send(*OPEN, "G")
+    bench.loop(8)
+    assert bench.commands == [*range(10), *[9] * 6] and bench.feeder.playing
+    bench.send(*block(2, 20, 0, 90))
+    bench.loop(4)
+    assert bench.commands == [*range(10), *[9] * 10, 90]
+    assert bench.events == ["K 1", "K 2", "D"]
 
 
-@pytest.mark.parametrize("how", ["sender", "reader", "quit"])
-def test_a_lost_connection_or_a_quit_plays_the_next_stop(bench, how):
-    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
+@pytest.mark.parametrize("how", ["sender", "reader", "quit", "end"])
+def test_a_lost_connection_or_a_quit_ends_the_motion_with_its_rows(bench, how):
+    bench.send(*OPEN, "G")
     bench.loop()
     if how == "quit":
         bench.send("Q")
+    elif how == "end":
+        bench.send("S")
     else:
         getattr(bench.feeder, f"lose_{how}")()
-    bench.loop(4)
-    assert bench.commands == [0, 1, 2, 3, 4, 5, 60]
-    assert bench.feeder.quitting and not bench.feeder.playing
-    assert bench.events == {"quit": ["X 6", "D"], "sender": ["V", "X 6", "D"], "reader": []}[how]
+    bench.send(*block(2, 6, 1, 60))
+    bench.loop(6)
+    assert bench.commands == list(range(10)), "later blocks are refused"
+    assert bench.feeder.quitting == (how != "end") and not bench.feeder.playing
+    last = ["B 2", "D"]
+    assert bench.events == ["K 1", *({"sender": ["V", *last], "reader": []}.get(how, last))]
     if how == "reader":
         bench.feeder.out.close()
 
 
-def test_interrupted_motion_stops_at_last_stop_sent(bench):
-    bench.send(*MOTION, "T 4", *rows(40), "E", "T 6", *rows(60, 61, 62), "E", "G")
-    bench.loop(5)
-    assert bench.commands == [0, 1, 2, 3, 4, 5, 60, 61, 62]
-    assert bench.events == ["A", "X 6", "D"]
-
-
-def test_a_stop_applies_to_one_motion_only(bench):
-    bench.send(*MOTION, "T 6", *rows(60), "E", "T 10", *rows(9), "E", "G")
-    bench.loop(5)
-    bench.send("M", *rows(1, 2, 3), "E", "G", "S")
-    bench.loop(2)
-    assert bench.commands[10:] == [1, 2, 3] and bench.events == ["D", "D"]
-
-
-def test_second_stop_request_does_not_replace_first_stop(bench):
-    bench.send(*MOTION, "T 4", *rows(40, 41, 42, 43, 44), "E", "G", "S")
-    bench.loop(2)
-    bench.send("T 7", *rows(70), "E", "S")
-    bench.feeder.lose_sender()
-    bench.loop(5)
-    assert bench.commands == [0, 1, 2, 3, 40, 41, 42, 43, 44]
-    bench.send(*MOTION, "T 2", *rows(20), "E", "G", "S")
-    bench.loop(2)
-    assert bench.commands[9:] == [0, 1, 20]
+def test_a_motion_pays_no_attention_to_the_one_before(bench):
+    bench.send(*MOTION, "G")
+    bench.loop(6)
+    bench.send("M", *block(2, 0, 1, 1, 2, 3), "G", *block(3, 2, 0, 8))
+    bench.loop(3)
+    assert bench.commands[10:] == [1, 2, 8]
+    assert bench.events == ["K 1", "D", "K 2", "K 3", "D"]
 
 
 def test_rows_after_a_missing_one_are_not_sent_and_the_motion_ends(bench):
-    bench.send(*MOTION, "T 8", *rows(80), "E", "G")
+    bench.send(*OPEN, "G")
     bench.loop(2)
     bench.device.end = 3  # The controller had no row for cycle 3.
-    bench.send("T 9", *rows(90), "E", "S")
+    bench.loop()
+    bench.send(*block(2, 9, 0, 90))
     bench.loop(3)
     assert bench.commands == [0, 1, 2, 3]
-    assert bench.events == ["U 3", "D"] and not bench.feeder.playing
+    assert bench.events == ["K 1", "U 3", "D", "B 2"] and not bench.feeder.playing
 
 
-def test_a_controller_gets_the_limits_of_the_motion_and_of_each_stop(bench):
-    bench.send(*MOTION, "T 6", *rows(60, 61), "E", "G")
-    assert bench.device.limits == [([*range(10)], True), ([4, 5, 60, 61], False)]
-    bench.send("T 8", *rows(80), "E")
-    assert bench.device.limits[2:] == [([6, 7, 80], False)]
+def test_a_controller_gets_the_limits_of_the_motion_and_of_each_block(bench):
+    bench.send(*OPEN, "G")
+    assert bench.device.limits == [([*range(10)], True)]
+    bench.send(*block(2, 6, 1, 60, 61))
+    assert bench.device.limits[1:] == [([4, 5, 60, 61], False)]
     assert "L 1.5" in bench.out.getvalue().splitlines()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
 def test_a_record_that_cannot_be_written_stops_the_motion_on_its_path(bench):
     bench.feeder.record.file = "/dev/full"
-    bench.send(*MOTION, "T 6", *rows(60), "E", "G")
-    bench.loop(5)
-    assert bench.commands == [0, 1, 2, 3, 4, 5, 60]
-    assert [x[0] for x in bench.events] == ["N", "X", "D"] and "space" in bench.events[0]
+    bench.send(*OPEN, "G")
+    bench.loop(6)
+    assert bench.commands == list(range(10))
+    assert [x[0] for x in bench.events] == ["K", "N", "D"] and "space" in bench.events[1]
     samples = [x for x in bench.out.getvalue().splitlines() if x.startswith("s")]
-    assert len(samples) == 7, "the sender gets all samples"
+    assert len(samples) == 10, "the sender gets all samples"
     with pytest.raises(DeviceError, match="space"):
         bench.send(*MOTION, "G")
 

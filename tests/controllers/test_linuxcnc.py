@@ -116,7 +116,7 @@ def test_the_drives_move_as_in_the_simulation(job, planned):
 @needs_linuxcnc
 def test_a_stop_and_a_following_error_both_end_at_rest_on_the_path(job):
     def play_once(on, **options):
-        return play(job, on, execute=True, speed_factor=1.0, **options).record
+        return play(job, on, execute=True, override=1.0, **options).record
 
     weak = controller(kp=15.0)
     asked = undisturbed(lambda: play_once(controller(), stop_requested=Later(3)))
@@ -167,7 +167,7 @@ def test_a_rail_is_played(tmp_path, monkeypatch):
 
     def play_once():
         on = LinuxCNC(drives=SERVO.replace(acceleration_limit=2.0))
-        return play(job, on, execute=True, speed_factor=0.5)
+        return play(job, on, execute=True, override=0.5)
 
     for _ in range(3):
         played = play_once()
@@ -290,7 +290,7 @@ from armcontour.controllers import LinuxCNC, play
 job = ac.read_job("line.yaml")
 job = replace(job, runs=(replace(job.runs[0], compensation=NoCompensation()),))
 try:
-    played = play(job, LinuxCNC(sys.argv[1]), execute=True, speed_factor=1.0)
+    played = play(job, LinuxCNC(sys.argv[1]), execute=True, override=1.0)
     print(json.dumps([played.kept, *played.record.notes]))
 except ac.ArmContourError as error:
     print(json.dumps([type(error).__name__, str(error)]))

@@ -58,7 +58,7 @@ def uncompensated(job: ac.Job) -> ac.Job:
 
 
 def run_at(job, robot, speed=1.0, **options):
-    return play(job, robot, execute=True, speed_factor=speed, **options)
+    return play(job, robot, execute=True, override=speed, **options)
 
 
 def test_a_robot_that_moves_as_simulated_is_kept(job):
@@ -140,8 +140,9 @@ def test_a_rail_has_its_own_tolerances():
     assert far.to_data()["distance"].value == pytest.approx([0.1, 0.05])
     assert "5.73 deg, 50 mm" in str(far)
     # A band of revolute joints is no band of the rail, which has 2 mm and the distance of 50 ms.
-    default = dry.motion.band
-    wide = play(job, simulated(cycle=4e-3), band=0.1).motion.band
+    full = np.ones(1)
+    default = dry.motion.band_at(full)[0]
+    wide = play(job, simulated(cycle=4e-3), band=0.1).motion.band_at(full)[0]
     assert wide[0] == default[0] and set(wide[1:]) == {0.1}
     q = dry.motion.predicted
     assert default[0] == pytest.approx(2e-3 + 0.05 * np.abs(np.diff(q[:, 0])).max() / 4e-3)
@@ -153,8 +154,8 @@ def test_a_rail_has_its_own_tolerances():
 class Offset(Simulated):
     """A robot whose rail drifts by 3 mm until the end."""
 
-    def stream(self, motion, stop_requested=lambda: False):
-        record = super().stream(motion, stop_requested)
+    def stream(self, *arguments):
+        record = super().stream(*arguments)
         measured = record.measured.copy()
         measured[:, 0] += np.linspace(0.0, 3e-3, len(measured))
         return replace(record, measured=measured)
@@ -202,16 +203,17 @@ def test_a_robot_that_differs_from_the_simulation_is_not_kept(job, robot, stops)
 
 
 def test_the_allowed_difference_grows_with_the_speed(job, plain):
-    for speed in (1.0, 0.1):
-        motion = play(job, simulated(), speed_factor=speed).motion
-        fastest = np.abs(np.diff(motion.predicted, axis=0)).max(axis=0) / 1e-3
-        np.testing.assert_allclose(motion.band, 2e-3 + 0.05 * fastest)
-    np.testing.assert_array_equal(play(job, simulated(), band=0.1).motion.band, [0.1, 0.1])
+    motion = play(job, simulated(), override=0.1).motion
+    fastest = np.abs(np.diff(motion.predicted, axis=0)).max(axis=0) / 1e-3
+    speeds = np.array([0.0, 0.1, 1.0])
+    np.testing.assert_allclose(motion.band_at(speeds), 2e-3 + 0.05 * np.outer(speeds, fastest))
+    fixed = play(job, simulated(), band=0.1).motion.band_at(speeds)
+    np.testing.assert_array_equal(fixed, np.full((3, 2), 0.1))
     stopped = run_at(plain, simulated(kp=15.0), band=3e-3)
     assert stopped.record.deviated and not stopped.kept
 
 
-def test_a_slow_motion_is_the_full_one_stretched(job):
+def test_a_slow_motion_is_the_full_one_in_slower_time(job):
     """The joints go through the same positions; nothing has the speed that it has at full speed."""
     segments = """
 path:
@@ -221,26 +223,22 @@ path:
     lines = JOB.splitlines(keepends=True)
     layered = parse_job("".join(x for x in lines if not x.startswith("path")) + segments)
     for each in (job, layered):
-        full = play(each, simulated(), speed_factor=1.0)
-        slow = play(each, simulated(), speed_factor=0.1)
-        default = play(each, simulated())
-        assert default.speed_factor == slow.speed_factor == 0.1
-        np.testing.assert_array_equal(default.motion.q, slow.motion.q)
-        t = np.linspace(0.0, full.plan.trajectory.duration, 501)
-        np.testing.assert_allclose(
-            slow.plan.trajectory(t * 10), full.plan.trajectory(t), atol=1e-12
-        )
-        speeds = [
-            np.abs(np.diff(x.motion.predicted, axis=0)).max(axis=0) / 1e-3 for x in (full, slow)
-        ]
-        np.testing.assert_allclose(speeds[1] / speeds[0], 0.1, rtol=0.03)
-        assert run_at(each, simulated(), 0.1).kept
+        slow = run_at(each, simulated(), 0.1)
+        assert slow.kept and slow.speed_factor == 0.1
+        assert play(each, simulated()).speed_factor == 0.1
+        record = slow.record
+        plan = slow.plan.trajectory
+        np.testing.assert_allclose(record.t[-1] - 1, 10 * plan.duration, rtol=1e-2)
+        np.testing.assert_allclose(record.measured, plan.with_rests(record.plan_time), atol=2e-6)
+        speeds = np.abs(np.diff(record.measured, axis=0)).max(axis=0) / 1e-3
+        fastest = np.abs(plan(np.linspace(0, plan.duration, 5001), 1)).max(axis=0)
+        np.testing.assert_allclose(speeds, 0.1 * fastest, rtol=0.03)
 
 
 def test_a_run_keeps_its_own_speed_factor(job):
     half = replace(job, runs=(replace(job.runs[0], speed_factor=0.5),))
     assert play(half, simulated()).speed_factor == 0.5
-    assert play(half, simulated(), speed_factor=1.0).speed_factor == 1.0
+    assert play(half, simulated(), override=1.0).speed_factor == 1.0
 
 
 def test_the_motion_to_the_start_is_at_most_a_tenth_of_the_speed(job):
@@ -252,7 +250,7 @@ def test_the_motion_to_the_start_is_at_most_a_tenth_of_the_speed(job):
         limit = min(speed, 0.1) ** 2 * job.arm.limits.joint_acceleration
         assert (accelerations.max(axis=0) <= limit * (1 + 1e-3)).all()
         # A dry run states the speed of the tool.
-        stated = play(job, simulated(at=START + 0.05), speed_factor=speed).approach_speed
+        stated = play(job, simulated(at=START + 0.05), override=speed).approach_speed
         steps = np.diff(job.arm.tool_position(robot.motions[0].q), axis=0)
         assert stated == pytest.approx(np.linalg.norm(steps, axis=1).max() / 1e-3, rel=0.01)
     assert play(job, simulated()).approach_speed is None
@@ -302,13 +300,13 @@ def test_compensated_set_points_above_the_limits_need_an_identified_servo(job, p
         robot = Machine(late=False)
         refused = (ControllerRefused, "not identified", "rad/s²", "method=none")
         refuses(lambda x=robot, y=speed: run_at(job, x, y), *refused, allowed=0.72)
-        refuses(lambda x=robot, y=speed: play(job, x, speed_factor=y), *refused)
+        refuses(lambda x=robot, y=speed: play(job, x, override=y), *refused)
         assert not robot.motions
     assert run_at(plain, Machine(late=False), 0.5).kept
     known = replace(job, servo=job.servo.replace(contour_ratio=0.01, programs=2))
     played = run_at(known, Machine(late=False), 0.5)
     assert played.kept and max(played.to_data()["command_use"].value) > 10
-    simple = play(plain, Machine(late=False), speed_factor=1.0).to_data()["command_use"].value
+    simple = play(plain, Machine(late=False), override=1.0).to_data()["command_use"].value
     assert 0.9 < max(simple) <= 1.0
 
 

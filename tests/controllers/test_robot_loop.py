@@ -59,7 +59,7 @@ def test_the_identified_servo_reaches_the_predicted_error(job):
     np.testing.assert_allclose(servo.kv, 150.0, rtol=0.1)
     assert found.prediction.largest.max() < 1e-6
     known = replace(job, servo=servo, plant_servo=servo)
-    played = play(known, Simulated(), execute=True, speed_factor=1.0)
+    played = play(known, Simulated(), execute=True, override=1.0)
     measured = learn_logs(known, played.plan, [played.log]).runs[0].contour_rms
     assert measured < played.plan.evaluation.contour_error.rms + 1e-7
 
@@ -124,9 +124,9 @@ def test_learning_returns_to_the_best_run_after_a_worse_run(job):
 
 def test_a_stop_on_request_keeps_the_learned_set_points(job, learned):
     class Stopped(Simulated):
-        def stream(self, motion, stop_requested=lambda: False):
+        def stream(self, *arguments):
             asked.append(True)
-            return super().stream(motion, stop_requested)
+            return super().stream(*arguments)
 
     asked: list[bool] = []
     _, result = learned

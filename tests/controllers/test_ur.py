@@ -12,8 +12,8 @@ from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
-from armcontour.controllers import Motion, Ur, play
-from armcontour.controllers.player import Stopper, approach_of
+from armcontour.controllers import Motion, RollingRows, Ur, play
+from armcontour.controllers.player import approach_of
 from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints
@@ -69,8 +69,8 @@ def motion(arm, begin, end, stops=True):
     q = trajectory.sample(2e-3).q
     set_points = SetPoints(cycle=2e-3, q=q, trajectory=trajectory, method="none")
     servo = ac.ServoModel(kp=1.0, order="first")
-    stopper = Stopper(set_points, servo, NoCompensation(), arm, 2e-3)
-    return Motion(q=stopper.q, next_stop=stopper if stops else None)
+    rows = RollingRows(set_points, servo, NoCompensation(), arm, 2e-3)
+    return Motion(q=rows.q, rows=rows if stops else None)
 
 
 def test_every_set_point_is_sent_in_its_cycle_and_recorded(arm, double):
@@ -99,9 +99,9 @@ def test_a_dry_run_compares_positions_and_sends_no_program(double):
     address, process = double()
     job = parse_job(JOB)
     with pytest.raises(ControllerRefused, match="a servo that was not identified"):
-        play(job, Ur(address), speed_factor=1.0)
+        play(job, Ur(address), override=1.0)
     known = replace(job, servo=job.servo.replace(contour_ratio=0.01))
-    played = play(known, Ur(address), speed_factor=1.0)
+    played = play(known, Ur(address), override=1.0)
     assert played.record is None and played.distance > 0.1
     assert {x.name for x in played.checks} == {"ur.speed", "command_use"}
     process.stdin.close()

@@ -149,7 +149,7 @@ def facts():
     yield "certificate", str(certificate)
     yield "slowed", along(arm, trajectory.stretched(0.5))
     try:
-        ac.play(job_of("100 mm/s²", "paper"), Simulated(), speed_factor=1.0)
+        ac.play(job_of("100 mm/s²", "paper"), Simulated(), override=1.0)
     except ac.NotRealizable as error:
         yield "refused", [error.limit, error.allowed]
     (group,) = (x for x in json.loads(form_text())["groups"] if x["title"] == "Speed")

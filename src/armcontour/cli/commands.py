@@ -400,13 +400,16 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
 class Play(JobOptions, ControllerOptions, Results, Json):
     """Play a run on a robot controller and record it; the robot moves only with --execute.
 
+    During the motion, space pauses, r goes on, - and + change the speed, and q ends the motion on
+    its path. --speed-factor is the speed at the start.
+
     Args:
         run_name: Run of the job.
         band: Largest difference of a revolute joint from its simulated position before the motion
             is stopped, such as '5 mrad'; by default 2 mrad and the distance that it moves in 50 ms
             at its largest speed. The band of a linear axis is always 2 mm and this distance.
-        set_points: Learned set-points: set_points.csv of learn, or its folder; with the
-            --speed-factor with which they were learned.
+        set_points: Learned set-points: set_points.csv of learn, or its folder. They belong to the
+            --speed-factor with which they were learned, and start at 100 % of it.
     """
 
     on: str = field()

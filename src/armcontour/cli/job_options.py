@@ -110,8 +110,8 @@ FIRST_RUN = Topic(
             "--speed-factor",
             "speed_factor",
             "Fraction of the planned speed, for a first, slow run on the robot: contours, rapids "
-            "and everything else along the same joint path, such as '10 %'; by default 100 %, but "
-            "10 % for armcontour play.",
+            "and everything else along the same joint path, such as '10 %'; by default 100 %. For "
+            "armcontour play it is the speed at the start, by default 10 %.",
             read=to_quantity,
         ),
         JobOption(

@@ -14,9 +14,10 @@ import typer
 
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import ControllerOptions, Play
-from armcontour.cli.console import ProgressDisplay, data_lines
+from armcontour.cli.console import ProgressDisplay, data_lines, print_lines
 from armcontour.cli.inputs import open_job, read_option
 from armcontour.cli.interruption import on_interrupt
+from armcontour.cli.override_keys import HINT, OverrideKeys
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
@@ -29,6 +30,7 @@ from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import Job
+from armcontour.jobs.job import choose_run
 
 # Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
@@ -55,23 +57,28 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     learned = options.set_points
     name = options.run_name
     is_learned = learned is not None
-    job, plan = player.plan_kept(job, name, None, learned=is_learned, progress=progress)
+    speed = player.start_override(choose_run(job, name, "played"), learned=is_learned)
+    job, plan = player.plan_kept(job, name, is_learned, progress)
     ready = player.prepare_motion(
         job,
         plan,
         controller,
         set_points=None if learned is None else read_set_points(learned, job, plan),
         band=band,
+        speed_factor=speed,
     )
     played = player.Player(controller, progress=progress).play(ready)
     end = [DRY]
-    stop = threading.Event()
+    keys = OverrideKeys(speed)
+    stop = keys.ended
     error = None
     if execute:
-        with confirmed(played, stop, progress):
+        with confirmed(played, stop, progress), keys.listening():
             begin_record(controller, folder, played)
+            print_lines(HINT, err=True)
             try:
-                played = player.Player(controller, True, stop.is_set, progress).play(ready)
+                of_keys = player.Player(controller, True, stop.is_set, progress, keys)
+                played = of_keys.play(ready)
             except ControllerLost as lost:
                 error = lost
                 played = player.lost_motion(played, lost)
@@ -79,7 +86,7 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
                     # The record of the feeder remains.
                     raise
         if not is_approach(played):
-            played = player.judge_motion(played, controller.cycle, band)
+            played = player.judge_motion(played, band)
         end = write_log(folder, played)
     data = played.to_data()
     code = DONE if played.kept or not execute else STOPPED

@@ -4,10 +4,11 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "armcontour.core.errors": "ControllerLost ControllerRefused",
-    "controller": "Controller Motion PlayedMotion Stop",
+    "controller": "Controller Motion PlayedMotion",
     "franka": "Franka",
     "linuxcnc": "LinuxCNC",
     "player": "Played play",
+    "rolling_rows": "Chunk RollingRows",
     "robot_identification": "RobotIdentification identify_on",
     "robot_learning": "RobotLearning learn_on",
     "ur": "Ur",

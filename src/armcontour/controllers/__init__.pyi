@@ -1,7 +1,6 @@
 from armcontour.controllers.controller import Controller as Controller
 from armcontour.controllers.controller import Motion as Motion
 from armcontour.controllers.controller import PlayedMotion as PlayedMotion
-from armcontour.controllers.controller import Stop as Stop
 from armcontour.controllers.franka import Franka as Franka
 from armcontour.controllers.linuxcnc import LinuxCNC as LinuxCNC
 from armcontour.controllers.player import Played as Played
@@ -10,6 +9,8 @@ from armcontour.controllers.robot_identification import RobotIdentification as R
 from armcontour.controllers.robot_identification import identify_on as identify_on
 from armcontour.controllers.robot_learning import RobotLearning as RobotLearning
 from armcontour.controllers.robot_learning import learn_on as learn_on
+from armcontour.controllers.rolling_rows import Chunk as Chunk
+from armcontour.controllers.rolling_rows import RollingRows as RollingRows
 from armcontour.controllers.ur import Ur as Ur
 from armcontour.core.errors import ControllerLost as ControllerLost
 from armcontour.core.errors import ControllerRefused as ControllerRefused

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -18,10 +18,11 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.controllers.rolling_rows import Chunk, RollingRows
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError, ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import AtLeast, Axes, Quantity
+from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
@@ -35,10 +36,21 @@ CONNECT_TIMEOUT = 20.0
 CLOSE_TIMEOUT = 60.0
 # Period of reading new samples [s].
 READING_PERIOD = 5e-3
-# First estimate of the time for computing and sending a stop [s].
-FIRST_STOP_LEAD = 0.15
-# Time from the first cycle of a stop to that of the next stop [s].
-STOP_INTERVAL = 0.2
+# First estimate of the time for computing and sending a chunk [s], and its largest value.
+FIRST_LEAD = 0.03
+LONGEST_LEAD = 0.5
+# The lead time increases by this factor if a chunk comes too late.
+LEAD_INCREASE = 1.5
+# A chunk is replaced so long before its stop begins [s].
+CHUNK_MARGIN = 0.2
+# Time between two chunks if the wanted override changes continuously [s].
+SHORTEST_CHUNK = 0.05
+# The feeder must answer a chunk within this time [s].
+ANSWER_TIMEOUT = 5.0
+# The allowed deviation of a joint depends on the largest override in this time before [s].
+OVERRIDE_MEMORY = 2.0
+# Smallest capacity of the table with the rows of a motion.
+FIRST_CAPACITY = 4096
 # Maximum distance of a revolute joint from the first set-point when a motion starts [rad].
 START_TOLERANCE = 1e-3
 # The same for a linear axis [m].
@@ -50,7 +62,6 @@ MAX_ERROR_LENGTH = 600
 # Sentences for the record, by the letter with which a feeder reports an event.
 EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
-    "A": "The next stop was not ready in time, so the feeder executed the previous one.",
     "V": "A process of the feeder ended or halted, and the other one stopped the motion.",
     "N": "The feeder could not write its record ({}), and stopped the motion.",
     "U": (
@@ -67,35 +78,32 @@ FeederCommand = tuple[list[str], dict[str, str]]
 
 
 @declared(eq=False)
-class Stop(Checked):
-    """Set-points that replace those of a motion from a cycle on, and end at rest on the path.
-
-    Args:
-        k: The first cycle that they replace, counted from 0.
-        q: Joint positions at the controller's cycles from k on [rad], (n, dof).
-    """
-
-    k: Annotated[int, AtLeast(0)]
-    q: Positions
-
-
-@declared(eq=False)
 class Motion(Checked):
-    """Set-points at the cycles of a controller, with its stops.
+    """A motion at the cycles of a controller.
 
     Args:
-        q: Joint positions [rad], (n, dof), from rest to rest.
-        next_stop: Computes the stop from a cycle on, or from a later one; None if the motion is so
-            short that it is not stopped. Called by another thread while the motion is played.
-        predicted: Measured positions that are expected at these cycles [rad], (n, dof).
-        band: Largest difference of each joint from `predicted` before the motion is stopped [rad],
-            (dof,); None if it is unlimited.
+        q: Joint positions at full speed [rad], (n, dof), from rest to rest.
+        rows: Computes the rows that are sent, by the wanted override; None if the motion is so
+            short that it is not stopped: then `q` is sent. Called by another thread while the
+            motion is played.
+        predicted: Measured positions that are expected at full speed [rad], (n, dof).
+        band: Largest difference of each joint from its predicted position at rest before the motion
+            is stopped [rad], (dof,); None if it is unlimited.
+        moving_band: What is added to the band at full speed [rad], (dof,); at a lower speed it is
+            proportional to the override. None for nothing.
     """
 
     q: Positions
-    next_stop: Callable[[int], Stop] | None = None
+    rows: RollingRows | None = None
     predicted: Positions | None = None
     band: Annotated[FloatArray, Quantity("rad"), Axes("joints")] | None = None
+    moving_band: Annotated[FloatArray, Quantity("rad"), Axes("joints")] | None = None
+
+    def band_at(self, override: FloatArray) -> FloatArray:
+        """Return the band at some overrides [rad], (n, dof)."""
+        band = np.full(self.q.shape[1], np.inf) if self.band is None else self.band
+        moving = 0.0 if self.moving_band is None else self.moving_band
+        return np.asarray(band + override[:, None] * moving)
 
 
 @declared(eq=False)
@@ -106,6 +114,9 @@ class PlayedMotion(Checked):
         t: Times by the controller's clock, 0 at the first set-point [s], (n,).
         command: Set-points that the controller used [rad], (n, dof).
         measured: Measured positions [rad], (n, dof).
+        plan_time: Time of the plan at each sample [s], (n,): it goes on more slowly than the clock
+            if the override is below 100 %.
+        predicted: Measured positions that were expected [rad], (n, dof).
         stopped: Cycle from which on a stop replaced the motion, or from which on it was not played
             or not recorded because of a failure; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
@@ -116,6 +127,8 @@ class PlayedMotion(Checked):
     t: Annotated[FloatArray, Quantity("s"), Axes("n")]
     command: Positions
     measured: Positions
+    plan_time: Annotated[FloatArray, Quantity("s"), Axes("n")]
+    predicted: Positions
     stopped: int | None = None
     faithful: bool = True
     deviated: bool = False
@@ -147,6 +160,8 @@ class _Channel:
         # Letter of an event -> its words, for the last event with this letter in this motion.
         self.events: dict[str, list[str]] = {}
         self.positions: list[float] = []
+        # Number of the last block that the feeder has answered, and whether it has kept it.
+        self.answer = (0, False)
         self.failure = ""
         # Time after which the controller has stopped the joints if the process has ended [s].
         self.settling = 0.0
@@ -168,6 +183,8 @@ class _Channel:
                 self.failure = " ".join(words)
             elif kind == "L":
                 self.settling = float(words[0])
+            elif kind in ("K", "B"):
+                self.answer = (int(words[0]), kind == "K")
             else:
                 self.events[kind] = words
         self.alive = False
@@ -210,84 +227,181 @@ class _Channel:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-class _StopSender(threading.Thread):
-    """Thread that computes and sends stops ahead of the motion, until the motion ends.
+class _Table:
+    """Rows of a motion that a feeder has kept, with what is expected in each cycle.
+
+    Attributes:
+        count: Number of rows.
+    """
+
+    def __init__(self, dof: int) -> None:
+        self.count = 0
+        self._columns = {
+            "q": np.empty((FIRST_CAPACITY, dof)),
+            "predicted": np.empty((FIRST_CAPACITY, dof)),
+            "plan_time": np.empty(FIRST_CAPACITY),
+            "rate": np.empty(FIRST_CAPACITY),
+        }
+
+    def replace(self, chunk: Chunk) -> None:
+        """Replace the rows from the first cycle of a chunk on; before it, the last row is held."""
+        end = chunk.k + len(chunk.q)
+        for name, column in self._columns.items():
+            if len(column) < end:
+                more = np.empty((end, *column.shape[1:]))
+                column = self._columns[name] = np.concatenate([column, more])
+            column[self.count : chunk.k] = column[self.count - 1]
+            column[chunk.k : end] = getattr(chunk, name)
+        self.count = end
+
+    def at(self, name: str, k: IntArray) -> FloatArray:
+        """Return a column in some cycles, (n, ...); after the end, the last row is held."""
+        return np.asarray(self._columns[name][np.minimum(k, self.count - 1)])
+
+    def highest_rate(self, k: IntArray, cycles: int) -> FloatArray:
+        """Return the largest override in some cycles and in `cycles` before each, (n,)."""
+        first = max(int(k.min()) - cycles, 0)
+        return np.full(len(k), self.at("rate", np.arange(first, int(k.max()) + 1)).max())
+
+
+class _ChunkSender(threading.Thread):
+    """Thread that computes and sends the chunks of a motion, until the motion ends.
 
     Attributes:
         played: Last cycle of the motion that the controller has played.
-        sent: Set-points of the stops that were sent [rad], (n, dof), by their first cycle.
-        error: Why no further stop can be computed; empty without an error.
-        lead: Time that computing and sending a stop takes at most [s].
+        table: Rows that the feeder has kept.
+        chunk: The last chunk that the feeder has kept.
+        braked: Number of chunks that came so late that the motion had begun to stop.
+        error: Why no further chunk can be computed; empty without an error.
+        lead: Time that computing and sending a chunk takes at most [s].
     """
 
-    def __init__(self, channel: _Channel, motion: Motion, ahead: int, cycle: float) -> None:
+    chunk: Chunk
+
+    def __init__(
+        self,
+        channel: _Channel,
+        rows: RollingRows,
+        controller: Controller,
+        override: Callable[[], float],
+    ) -> None:
         super().__init__(daemon=True)
         self.channel = channel
-        self.motion = motion
-        self.ahead = ahead
-        self.cycle = cycle
+        self.rows = rows
+        self.cycle = controller.cycle
+        self.ahead = controller.ahead
+        self.override = override
         self.played = 0
-        self.sent: dict[int, FloatArray] = {}
+        self.table = _Table(rows.q.shape[1])
+        self.braked = 0
         self.error = ""
-        self.lead = FIRST_STOP_LEAD
+        self.lead = FIRST_LEAD
+        self._number = 0
+        self._target = 0.0
+        self._sent_at = 0.0
+        # Whether the motion is to stop and to end there, and whether the chunk for it was kept.
+        self._stopping = False
+        self._stop_sent = False
         self._ended = threading.Event()
 
     @property
     def due(self) -> int:
-        """Return the first cycle that a stop computed from now on can still replace."""
-        return self.played + self.ahead + round(self.lead / self.cycle)
+        """Return the first cycle that a chunk computed from now on can still replace."""
+        return self.played + self.ahead + round(self.lead / self.cycle) + 1
 
     def start(self) -> None:
-        """Measure the time for computing a stop, send the first stop, and start the thread."""
-        assert self.motion.next_stop is not None
+        """Send the first chunk, and start the thread; measure the time that a chunk takes."""
+        self._target = self._wanted()
+        tried = self.rows.first(self._target)
         # The first call compiles functions.
         for _ in range(2):
             begin = time.monotonic()
-            self.motion.next_stop(len(self.motion.q) // 2)
+            self.rows.next(tried, len(tried.q) // 2, self._target)
         self._measure(begin)
-        self.send_next()
+        ahead = self.ahead * self.cycle + self.lead
+        if not self._send(self.rows.first(self._target, ahead)):
+            raise ControllerLost(f"The feeder was lost: {self.channel.describe_failure()}")
         super().start()
 
-    def _measure(self, begin: float) -> None:
-        """Increase the lead to twice the time that the computation begun at `begin` [s] took."""
-        self.lead = max(self.lead, 2 * (time.monotonic() - begin) + READING_PERIOD)
-
-    def send_next(self) -> int:
-        """Compute and send the next stop, and return its cycle."""
-        assert self.motion.next_stop is not None
-        begin = time.monotonic()
-        played = self.played
-        if "X" not in self.channel.events:
-            # Discard stops whose first cycle has passed, because a long motion has thousands of
-            # stops.
-            self.sent = {k: q for k, q in self.sent.items() if k >= played}
-        stop = self.motion.next_stop(self.due + round(STOP_INTERVAL / self.cycle))
-        self.sent[stop.k] = stop.q
-        self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
-        self._measure(begin)
-        return stop.k
-
-    def run(self) -> None:
-        """Send stops until the motion has ended."""
-        try:
-            while not self._ended.is_set():
-                k = self.send_next()
-                if k >= len(self.motion.q):
-                    return
-                while self.due < k:
-                    if self._ended.wait(READING_PERIOD):
-                        return
-        except ArmContourError as error:
-            self.error = f"No further stop can be computed: {error}"
-        except Exception as error:  # noqa: BLE001 - the motion ends, and the cause must be known
-            kind = type(error).__name__
-            self.error = f"No further stop can be computed, because of a fault: {kind}: {error}"
+    def stop(self) -> None:
+        """Stop the motion on its path, and end it there."""
+        self._stopping = True
 
     def end(self) -> None:
-        """Send no further stops."""
+        """Send no further chunks."""
         self._ended.set()
         if self.is_alive():
             self.join()
+
+    def run(self) -> None:
+        """Send chunks until the motion has ended."""
+        try:
+            while not self._ended.is_set():
+                if self._is_due():
+                    self._send_next()
+                else:
+                    self._ended.wait(READING_PERIOD)
+        except ArmContourError as error:
+            self.error = f"No further set-points can be computed: {error}"
+        except Exception as error:  # noqa: BLE001 - the motion ends, and the cause must be known
+            fault = f"{type(error).__name__}: {error}"
+            self.error = f"No further set-points can be computed, because of a fault: {fault}"
+
+    def _wanted(self) -> float:
+        """Return the wanted override."""
+        return 0.0 if self._stopping else self.override()
+
+    def _is_due(self) -> bool:
+        """Return whether the next chunk must be sent."""
+        chunk = self.chunk
+        if self._stop_sent or (chunk.pace.is_complete and self.due > chunk.brake):
+            return False
+        if self._stopping:
+            return True
+        wanted = self._wanted()
+        if wanted != self._target:
+            return wanted == 0.0 or time.monotonic() > self._sent_at + SHORTEST_CHUNK
+        if wanted == 0.0:
+            # The motion rests at the end of the chunk until the override changes.
+            return False
+        return self.due >= chunk.brake - round(CHUNK_MARGIN / self.cycle)
+
+    def _send_next(self) -> None:
+        """Compute and send the next chunk."""
+        begin = time.monotonic()
+        stopping = self._stopping
+        target = self._wanted()
+        k = max(self.due, self.chunk.k)
+        chunk = self.rows.next(self.chunk, k, target, ends=stopping)
+        self._measure(begin)
+        self._sent_at = begin
+        if self._send(chunk):
+            self.braked += chunk.braked and self._target > 0.0
+            self._target = target
+            self._stop_sent = stopping
+        else:
+            self.lead = min(LEAD_INCREASE * self.lead, LONGEST_LEAD)
+
+    def _measure(self, begin: float) -> None:
+        """Increase the lead to twice the time that the computation begun at `begin` [s] took."""
+        lead = 2 * (time.monotonic() - begin) + READING_PERIOD
+        self.lead = min(max(self.lead, lead), LONGEST_LEAD)
+
+    def _send(self, chunk: Chunk) -> bool:
+        """Send a chunk; return whether the feeder has kept it."""
+        self._number += 1
+        head = f"C {self._number} {chunk.k} {int(not chunk.ends)}"
+        self.channel.send([head, *rows_as_lines(chunk.q), "E"])
+        end = time.monotonic() + ANSWER_TIMEOUT
+        while self.channel.answer[0] < self._number:
+            if not self.channel.alive or "D" in self.channel.events or time.monotonic() > end:
+                return False
+            time.sleep(1e-3)
+        is_kept = self.channel.answer[1]
+        if is_kept:
+            self.chunk = chunk
+            self.table.replace(chunk)
+        return is_kept
 
 
 class Controller:
@@ -381,13 +495,20 @@ class Controller:
         return np.array(row[: len(channel.positions)])
 
     def stream(
-        self, motion: Motion, stop_requested: Callable[[], bool] = lambda: False
+        self,
+        motion: Motion,
+        stop_requested: Callable[[], bool] = lambda: False,
+        override: Callable[[], float] = lambda: 1.0,
+        show: Callable[[float], None] = lambda plan_time: None,
     ) -> PlayedMotion:
         """Play a motion and record it.
 
         Args:
             motion: The motion, which begins at the commanded position.
-            stop_requested: Called often; True stops the motion on its path.
+            stop_requested: Called often; True stops the motion on its path, and ends it there.
+            override: Called often by another thread; returns the wanted share of the speed, from 0
+                (a pause on the path) to 1.
+            show: Called often with the time of the plan that is executed [s].
 
         Raises:
             ControllerRefused: The motion begins elsewhere; nothing moves.
@@ -396,45 +517,99 @@ class Controller:
         channel = self._connected()
         self._check_motion(motion)
         channel.events.clear()
+        channel.answer = (0, False)
         first_sample = len(channel.samples)
-        channel.send(["M", *rows_as_lines(motion.q), "E"])
-        stops = _StopSender(channel, motion, self.ahead, self.cycle)
-        if motion.next_stop is not None:
-            # The motion starts after the first stop has been sent.
-            stops.start()
+        channel.send(["M"])
+        sender = None
+        if motion.rows is None:
+            channel.send(["C 1 0 0", *rows_as_lines(motion.q), "E"])
+        else:
+            sender = _ChunkSender(channel, motion.rows, self, override)
+            sender.start()
         channel.send(["G"])
         notes: list[str] = []
+        try:
+            is_deviating = self._watch(motion, sender, first_sample, stop_requested, show, notes)
+        finally:
+            if sender is not None:
+                sender.end()
+        record = self._record(first_sample, motion, sender, notes)
+        return replace(record, deviated=is_deviating)
+
+    def _watch(
+        self,
+        motion: Motion,
+        sender: _ChunkSender | None,
+        first_sample: int,
+        stop_requested: Callable[[], bool],
+        show: Callable[[float], None],
+        notes: list[str],
+    ) -> bool:
+        """Watch a motion until its end, and stop it if necessary; add the reason to the notes.
+
+        Returns whether a joint has left its band.
+
+        - `first_sample`: index of the first sample since the motion was sent.
+        """
+        channel = self._connected()
         # Number of samples whose deviation was checked.
         checked = first_sample
-        is_stopping = False
+        is_stopping = sender is None
+        has_begun = False
         deviation = ""
-        try:
-            while "D" not in channel.events:
-                if not channel.alive:
-                    lost = ControllerLost(f"{self.name} was lost: {channel.describe_failure()}")
-                    lost.record = self._record(first_sample, motion, stops.sent, notes, lost=True)
-                    raise lost
-                # An empty line shows the feeder that this process is alive.
-                channel.send([""])
-                rows = channel.samples[checked:]
-                checked += len(rows)
-                if rows:
-                    stops.played = max(stops.played, int(rows[-1][1]))
-                # After a stop by the feeder itself, joints deviate from their predictions.
-                is_stopping = is_stopping or "X" in channel.events
-                if not is_stopping:
-                    deviation = _deviation(rows, motion, self._arm)
-                    reason = deviation or stops.error
-                    if reason or stop_requested():
-                        channel.send(["S"])
-                        is_stopping = True
-                        if reason:
-                            notes.append(reason)
-                time.sleep(READING_PERIOD)
-        finally:
-            stops.end()
-        record = self._record(first_sample, motion, stops.sent, notes)
-        return replace(record, deviated=bool(deviation))
+        while "D" not in channel.events:
+            if not channel.alive:
+                lost = ControllerLost(f"{self.name} was lost: {channel.describe_failure()}")
+                lost.record = self._record(first_sample, motion, sender, notes, lost=True)
+                raise lost
+            # An empty line shows the feeder that this process is alive.
+            channel.send([""])
+            rows = channel.samples[checked:]
+            checked += len(rows)
+            if not has_begun:
+                # Samples before the first set-point belong to the motion before.
+                rows = rows[next((i for i, x in enumerate(rows) if x[1] == 0), len(rows)) :]
+                has_begun = bool(rows)
+            if rows and sender is not None:
+                sender.played = max(sender.played, int(rows[-1][1]))
+                show(float(sender.table.at("plan_time", np.array([sender.played]))[0]))
+                deviation = deviation or self._deviation(rows, motion, sender.table)
+            if sender is not None and not is_stopping:
+                reason = deviation or sender.error
+                if reason or stop_requested():
+                    is_stopping = True
+                    sender.stop()
+                    if reason:
+                        notes.append(reason)
+            if sender is not None and sender.error:
+                # The motion ends with the rows that the feeder has.
+                channel.send(["S"])
+            time.sleep(READING_PERIOD)
+        return bool(deviation)
+
+    def _deviation(self, rows: Sequence[Sequence[float]], motion: Motion, table: _Table) -> str:
+        """Say which joint left the band around its prediction; return "" if none did.
+
+        `rows`: samples of the feeder, with the cycle in the second column.
+        """
+        samples = np.array(rows)
+        samples = samples[samples[:, 1] >= 0]
+        if not len(samples):
+            return ""
+        k = samples[:, 1].astype(int)
+        measured = samples[:, 2 + motion.q.shape[1] :]
+        errors = np.abs(measured - table.at("predicted", k))
+        override = table.highest_rate(k, round(OVERRIDE_MEMORY / self.cycle))
+        band = motion.band_at(override)
+        if (errors <= band).all():
+            return ""
+        i, j = np.unravel_index(int((errors - band).argmax()), errors.shape)
+        unit = unit_of(self._arm, "rad", int(j))
+        return (
+            f"Joint {j + 1} was {number(errors[i, j], unit)} from its predicted position in cycle "
+            f"{k[i]}, above the allowed {number(band[i, j], unit)}. Check its drive, or identify "
+            "its servo."
+        )
 
     def close(self) -> None:
         """End the connection; a motion that is played first stops on its path."""
@@ -506,7 +681,7 @@ class Controller:
         self,
         first_sample: int,
         motion: Motion,
-        stops: Mapping[int, FloatArray],
+        sender: _ChunkSender | None,
         notes: list[str],
         *,
         lost: bool = False,
@@ -514,37 +689,51 @@ class Controller:
         """Make the record of a motion from its samples.
 
         - `first_sample`: index of the first sample since the motion was sent.
-        - `stops`: set-points of the stops that were sent, by their first cycle.
+        - `sender`: what has sent its chunks; None if the whole motion was sent at once.
         - `notes`: why the motion was stopped.
         - `lost`: whether the controller was lost, so that the motion is not recorded to its end.
         """
         channel = self._connected()
         dof = motion.q.shape[1]
-        table = np.array(channel.samples[first_sample:], dtype=float).reshape(-1, 2 + 2 * dof)
+        samples = np.array(channel.samples[first_sample:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first set-point, the controller may still hold the last set-point of another
         # motion.
-        table = table[np.logical_or.accumulate(table[:, 1] == 0) & (table[:, 1] >= 0)]
-        clock = table[:, 0]
-        k = table[:, 1].astype(int)
-        stopped = int(k[-1]) + 1 if lost and len(k) else None
-        q = motion.q
-        if "X" in channel.events:
-            stopped = int(channel.events["X"][0])
-            q = np.concatenate([q[:stopped], stops[stopped]])
+        samples = samples[np.logical_or.accumulate(samples[:, 1] == 0) & (samples[:, 1] >= 0)]
+        clock = samples[:, 0]
+        k = samples[:, 1].astype(int)
+        t = (clock - (clock[0] if len(clock) else 0.0)) * self.cycle
+        command = samples[:, 2 : 2 + dof]
+        stopped = None
+        if sender is None:
+            last = len(motion.q) - 1
+            sent = predicted = motion.q[np.minimum(k, last)]
+            plan_time = t
+        else:
+            last = sender.table.count - 1
+            sent = sender.table.at("q", k)
+            predicted = sender.table.at("predicted", k)
+            plan_time = sender.table.at("plan_time", k)
+            if not sender.chunk.pace.is_complete:
+                stopped = max(sender.chunk.brake, 0)
+        if lost and len(k):
+            stopped = int(k[-1]) + 1
         if "U" in channel.events:
             ended = int(channel.events["U"][0])
             stopped = ended if stopped is None else min(stopped, ended)
-            q = q[: max(ended, 1)]
-        notes = list(notes)
+            last = min(last, max(ended, 1) - 1)
+            sent = sent[np.searchsorted(k, np.minimum(k, last))]
         missing = int((np.diff(clock) - 1).sum()) if len(clock) else 0
         # A motion ends with a rest, so repeated samples of the last row are not late.
-        late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
-        command = table[:, 2 : 2 + dof]
-        deviations = np.abs(command - q[np.minimum(k, len(q) - 1)]).max(axis=0, initial=0.0)
+        late = int((np.diff(k[k < last]) == 0).sum())
+        deviations = np.abs(command - sent).max(axis=0, initial=0.0)
         deviation = float(deviations.max())
-        for kind, sentence in EVENTS.items():
-            if kind in channel.events:
-                notes.append(sentence.format(" ".join(channel.events[kind])))
+        notes = [*notes, *self._event_notes()]
+        braked = 0 if sender is None else sender.braked
+        if braked:
+            notes.append(
+                f"Set-points were computed too late {count_noun(braked, 'time')}, so the motion "
+                "slowed down on its path and went on."
+            )
         if missing:
             notes.append(f"{count_noun(missing, 'sample')} of the record are missing.")
         if late:
@@ -555,15 +744,24 @@ class Controller:
                 "The controller used other set-points than those sent, by up to "
                 f"{number(deviation, unit)}."
             )
+        is_faithful = not (late or missing or braked or "U" in channel.events)
         return PlayedMotion(
-            t=(clock - (clock[0] if len(clock) else 0.0)) * self.cycle,
+            t=t,
             command=command,
-            measured=table[:, 2 + dof :],
+            measured=samples[:, 2 + dof :],
+            plan_time=plan_time,
+            predicted=predicted,
             stopped=stopped,
-            faithful=not (late or missing or "U" in channel.events)
-            and deviation <= RECORDED_TOLERANCE,
+            faithful=is_faithful and deviation <= RECORDED_TOLERANCE,
             notes=tuple(notes),
         )
+
+    def _event_notes(self) -> Iterator[str]:
+        """Yield the sentences for the events of the last motion."""
+        events = self._connected().events
+        for kind, sentence in EVENTS.items():
+            if kind in events:
+                yield sentence.format(" ".join(events[kind]))
 
 
 def per_joint(arm: Arm | None, angular: float, linear: float, dof: int) -> FloatArray:
@@ -581,25 +779,3 @@ def rows_as_lines(q: FloatArray) -> list[str]:
     moving = np.flatnonzero((q != q[-1]).any(axis=1))
     n = moving[-1] + 2 if len(moving) else 1
     return [*("P " + " ".join(map(repr, row)) for row in q[:n].tolist()), f"H {len(q) - n}"]
-
-
-def _deviation(rows: Sequence[Sequence[float]], motion: Motion, arm: Arm | None) -> str:
-    """Say which joint left the band around its prediction; return "" if none did.
-
-    `rows`: samples of the feeder, with the cycle in the second column.
-    """
-    if not rows or motion.predicted is None or motion.band is None:
-        return ""
-    table = np.array(rows)
-    table = table[table[:, 1] >= 0]
-    k = np.minimum(table[:, 1].astype(int), len(motion.predicted) - 1)
-    errors = np.abs(table[:, 2 + motion.q.shape[1] :] - motion.predicted[k])
-    if (errors <= motion.band).all():
-        return ""
-    i, j = np.unravel_index(int((errors - motion.band).argmax()), errors.shape)
-    unit = unit_of(arm, "rad", int(j))
-    return (
-        f"Joint {j + 1} was {number(errors[i, j], unit)} from its predicted position in cycle "
-        f"{k[i]}, above the allowed {number(motion.band[j], unit)}. Check its drive, or identify "
-        "its servo."
-    )

@@ -8,19 +8,23 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from armcontour.control.compensation import CompensationOptions, NoCompensation
-from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.control.compensation import NoCompensation
 from armcontour.controllers.controller import (
     START_TOLERANCE,
     START_TOLERANCE_LINEAR,
     Controller,
     Motion,
     PlayedMotion,
-    Stop,
     per_joint,
 )
+from armcontour.controllers.rolling_rows import (
+    Prediction,
+    RollingRows,
+    predict_plan,
+    predict_servo,
+)
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput, NotRealizable
+from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.quantities import (
@@ -46,27 +50,15 @@ from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.motion.log import FEWEST
 from armcontour.planning import Optimal, at_speed, plan
-from armcontour.planning.stop_in_play import plan_stop
+from armcontour.program import contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import command_weights
+from armcontour.robot.servo.simulation import ServoSimulation
 
-# Duration of the rest that is appended to a motion: the joints settle and the last samples arrive
-# [s].
-FINAL_REST = 1.0
-# Tolerance between the set-points of a stop and those of the plan, before the stop begins [rad].
-PLAN_TOLERANCE = 1e-7
 # Differences from the simulation are divided by at least this tolerance [rad].
 LEAST_SCALE = 1e-7
-# First guess: the compensation looks ahead by this number of set-points. It is doubled until the
-# set-points before the stop no longer change.
-FORESIGHT = 16
-# Maximum number of set-points by which the compensation may look ahead.
-LONGEST_FORESIGHT = 256
-# Duration in which a stop reduces learned corrections to 0 [s].
-CORRECTION_FADING = 0.2
 # Default band: a revolute joint may differ from its prediction by this distance [rad], and by the
 # distance of BAND_LAG. A joint may also rest this far from its simulated end, and motions up to
 # this distance do not show whether a drive moves.
@@ -81,11 +73,13 @@ BAND_LAG_OF_UNKNOWN_SERVO = 0.25
 # Band of revolute joints [rad], or of each joint, (dof,); None for the default.
 Band: TypeAlias = float | FloatArray | None
 JointDistances = Annotated[FloatArray, Quantity("rad"), Axes("joints")]
-# Default speed factor, and largest speed factor of the motion to the start.
+# Default speed at the start, and largest speed factor of the motion to the start.
 DEFAULT_SPEED_FACTOR = 0.1
 # Minimum reserve of a plan that moves a robot. Without reserve, a servo that differs slightly from
-# its model saturates, and a stop may be impossible where a limit is active.
+# its model saturates, and the override may not change where a limit is active.
 PLAYED_RESERVE = 0.02
+# The same with limits of jerk: with a smaller reserve, changes of the override take seconds.
+PLAYED_JERK_RESERVE = 0.05
 # Drives that execute less than this fraction of a motion have not moved.
 LEAST_MOVED_SHARE = 0.1
 # A whole turn [rad], which no joint moves to the start.
@@ -95,141 +89,45 @@ SET_POINT_LIMIT_ROUNDING = 1e-6
 # Two plans are the same if their durations [s] and their joint positions at half of the duration
 # [rad] differ by at most this.
 SAME_PLAN = 1e-9
-# Cycles that differ by less than this [s] are equal.
-SAME_CYCLE = 1e-12
+# Samples at the same time of the plan are put apart by this fraction of the time between them.
+SAMPLE_SEPARATION = 1e-9
+# The motion pauses while the plan's time goes on more slowly than this.
+PAUSED_RATE = 1e-6
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
 ATTEMPTS = 3
 
 
-def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
-    """Sample set-points at a controller's cycles [rad], (n, dof), with a rest at the end.
-
-    Args:
-        set_points: The set-points.
-        cycle: Cycle of the controller [s].
-        interpolation: Interpolation between set-points, as in `ServoModel`.
-    """
-    q = set_points.q
-    rest = np.repeat(q[-1:], round(FINAL_REST / cycle), axis=0)
-    if abs(set_points.cycle - cycle) < SAME_CYCLE:
-        return np.concatenate([q, rest])
-    t = np.arange(0.0, (len(q) - 1) * set_points.cycle + cycle / 2, cycle)
-    index, weight = command_weights(len(q), set_points.cycle, interpolation, t)
-    return np.concatenate([np.einsum("nk,nkj->nj", weight, q[index]), rest])
-
-
-class Stopper:
-    """Compute the set-points of stops on a plan's path.
-
-    Args:
-        set_points: The set-points that are played; learned ones keep their corrections, which fade
-            out in a stop.
-        servo: The servo model of the compensation.
-        options: Options of the compensation.
-        arm: The arm.
-        cycle: Cycle of the controller [s].
-    """
-
-    def __init__(
-        self,
-        set_points: SetPoints,
-        servo: ServoModel,
-        options: CompensationOptions,
-        arm: Arm,
-        cycle: float,
-    ) -> None:
-        self.set_points = set_points
-        self.servo = servo
-        self.options = options
-        self.arm = arm
-        self.cycle = cycle
-        self.q = commands_at(set_points, cycle, servo.interpolation)
-        # If the robot has more dead time than its model, learned set-points start whole cycles
-        # earlier than the planned set-points. Row k of the learned set-points corresponds to row k
-        # of the planned set-points in any case.
-        planned = self._compensate(set_points.trajectory)
-        self._start_time = planned.start_time
-        self._planned = commands_at(planned, cycle, servo.interpolation)
-
-    def __call__(self, k: int) -> Stop:
-        """Compute the stop that replaces the set-points from cycle k on.
-
-        Raises:
-            NotRealizable: The stop would also change set-points before k.
-        """
-        return self._find(k)[0]
-
-    def end_of(self, k: int) -> float:
-        """Return the time at which the plan is where the stop from cycle k on ends [s].
-
-        Raises:
-            NotRealizable: The stop would also change set-points before k.
-        """
-        return self._find(k)[1]
-
-    def _find(self, k: int) -> tuple[Stop, float]:
-        """Find the stop from cycle k on, and the time at which the plan is where it ends [s]."""
-        plan = self.set_points.trajectory
-        foresight = FORESIGHT
-        while foresight <= LONGEST_FORESIGHT:
-            t = k * self.cycle + self._start_time
-            t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
-            if t >= plan.duration:
-                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :]), plan.duration
-            early = plan_stop(plan, max(t, 0.0))
-            stopped = self._compensate(early.trajectory)
-            if abs(stopped.start_time - self._start_time) > PLAN_TOLERANCE * stopped.cycle:
-                raise NotRealizable(
-                    "The set-points of a stop start at another time than the plan's."
-                )
-            q = commands_at(stopped, self.cycle, self.servo.interpolation)
-            if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < PLAN_TOLERANCE:
-                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k)), early.end
-            foresight *= 2
-        raise NotRealizable(
-            f"The set-points before cycle {k} depend on the stop after it, because the "
-            f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
-            "poles or wider command limits."
-        )
-
-    def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Compute the set-points of a trajectory, with the plan's compensation."""
-        cycle = self.set_points.cycle
-        return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
-
-    def _correction(self, k: int, count: int) -> FloatArray:
-        """Return the learned correction from cycle k on, which fades out [rad], (count, dof)."""
-        learned = self.q[k : k + count] - self._planned[k : k + count]
-        number = np.arange(count)
-        x = np.clip(number * self.cycle / CORRECTION_FADING, 0.0, 1.0)
-        faded = 1 - x**3 * (10 - x * (15 - 6 * x))
-        return np.asarray(learned[np.minimum(number, len(learned) - 1)] * faded[:, None])
-
-
 def uncompensated_motion(trajectory: Trajectory, arm: Arm, cycle: float) -> Motion:
-    """Make a motion along a trajectory, with its stops; set-points are not compensated."""
+    """Make a motion along a trajectory; set-points are not compensated."""
     q = trajectory.sample(cycle).q
     set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
-    stopper = Stopper(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
-    return guarded_motion(stopper, stopper.q, BAND_LAG_OF_UNKNOWN_SERVO)
+    rows = RollingRows(set_points, ServoModel(order="delay"), NoCompensation(), arm, cycle)
+    return guarded_motion(rows, rows.q, BAND_LAG_OF_UNKNOWN_SERVO)
 
 
 def guarded_motion(
-    stopper: Stopper, predicted: FloatArray, lag: float, band: Band = None
+    rows: RollingRows, predicted: FloatArray, lag: float, band: Band = None
 ) -> Motion:
     """Make a motion that stops if a joint leaves a band around its predicted positions.
 
-    `band`: the band of revolute joints [rad], or of each joint, (dof,); by default 2 mrad or 2 mm,
-    plus the distance that a joint moves in the time `lag` [s] at its largest speed.
+    - `predicted`: the predicted positions at full speed [rad], (n, dof).
+    - `lag`: by default the band is 2 mrad or 2 mm, plus the distance that a joint moves in this
+      time at its largest speed [s], times the override.
+    - `band`: the band of revolute joints [rad], or of each joint, (dof,).
     """
-    speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / stopper.cycle
-    arm = stopper.arm
-    allowed = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof) + lag * speed
+    arm = rows.arm
+    speed = np.abs(np.diff(predicted, axis=0)).max(axis=0, initial=0.0) / rows.cycle
+    least = per_joint(arm, BAND_LEAST, BAND_LEAST_LINEAR, arm.dof)
+    moving = lag * speed
     if band is not None:
-        allowed = _with_band(arm, allowed, band)
-    return Motion(q=stopper.q, next_stop=stopper, predicted=predicted, band=allowed)
+        least = _with_band(arm, least, band)
+        # A band that was specified is the same at every speed.
+        moving = np.where(arm.chain.slides, moving, 0.0)
+        if isinstance(band, np.ndarray):
+            moving = np.zeros(arm.dof)
+    return Motion(q=rows.q, rows=rows, predicted=predicted, band=least, moving_band=moving)
 
 
 def _with_band(arm: Arm, default: FloatArray, band: float | FloatArray) -> FloatArray:
@@ -270,7 +168,7 @@ class Played(Result):
         job: The job with the run as it is played.
         plan: Plan and simulation of this run, with the set-points that are played.
         controller: Name of the controller.
-        speed_factor: Fraction of the planned speed.
+        speed_factor: Fraction of the planned speed at the start.
         checks: What was compared with the controller.
         motion: Set-points and predicted positions at the cycles of the controller.
         distances: Distance of each joint from the first set-point before the motion [rad], (dof,);
@@ -345,6 +243,7 @@ class Played(Result):
             source=self.controller,
             notes=record.notes,
             prismatic=self.job.arm.chain.prismatic or (),
+            plan_time=record.plan_time,
         )
 
     def _verdict_rows(self) -> Iterator[Row]:
@@ -361,6 +260,20 @@ class Played(Result):
             yield Row("resume.option", answer, "", "to continue", note, FIRST)
             yield Row("resume.at", place.resume_at, "m")
 
+    def _override_rows(self) -> Iterator[Row]:
+        """Yield how long the motion took, its lowest override, and how long it paused."""
+        record = self.record
+        if record is None or len(record.t) < 2:
+            return
+        rate = np.diff(record.plan_time) / np.diff(record.t)
+        is_paused = rate <= PAUSED_RATE
+        paused = float(np.diff(record.t)[is_paused].sum())
+        yield Row("played_time", float(record.t[-1]), "s", "time on the robot")
+        if (~is_paused).any():
+            lowest = float(rate[~is_paused].min())
+            yield Row("override.lowest", min(lowest, 1.0), "1", "lowest speed, without pauses")
+        yield Row("override.paused", paused, "s", "paused")
+
     def to_data(self) -> Data:
         """Return rows on the run, the checks, and the motion if one was executed."""
         record = self.record
@@ -374,8 +287,9 @@ class Played(Result):
             *self.differences,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
-            Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
-            Row("duration", self.plan.trajectory.duration, "s", "duration", level=FIRST),
+            Row("speed_factor", self.speed_factor, "1", "speed at the start", level=FIRST),
+            Row("duration", self.plan.trajectory.duration, "s", "duration at 100 %", level=FIRST),
+            *self._override_rows(),
             largest_distance(distances, arm),
             Row("approach_speed", self.approach_speed, "m/s", "tool speed to the start, largest"),
             *self.checks,
@@ -399,7 +313,7 @@ def play(
     *,
     run_name: str | None = None,
     execute: bool = False,
-    speed_factor: SpeedFactor | None = None,
+    override: SpeedFactor | Callable[[], float] | None = None,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
     stop_requested: Callable[[], bool] = lambda: False,
@@ -407,10 +321,12 @@ def play(
 ) -> Played:
     """Play the set-points of a run on a robot, and record its joints.
 
-    The run is planned with a reserve of at least 2 %, stretched in time to the speed factor, and
-    then compensated; set-points themselves are never stretched. The robot moves to the start on a
-    straight line in joint space, at most at 10 % of its speed. A stop ends on the path and respects
-    the limits. No output is switched. The result compares the measured motion with the simulation.
+    The run is planned for full speed with a reserve of at least 2 %, 5 % with limits of jerk. The
+    override is the share of this speed, and can change at any time: the joints then move through
+    the same positions more slowly, by changes that use half of the reserve, and the set-points are
+    compensated anew. A pause, a stop and every failure end at rest on the path. The robot moves to
+    the start on a straight line in joint space, at most at 10 % of its speed. No output is
+    switched. The result compares the measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -422,13 +338,15 @@ def play(
         run_name: The run; by default the only one.
         execute: True moves the robot. False is a dry run, which only compares arm, limits,
             set-points and position.
-        speed_factor: Fraction of the planned speed, of contours and rapids; accelerations change by
-            its square, jerks by its cube. By default that of the run, or 10 % if it has none.
+        override: Share of the planned speed, of contours and rapids, up to 1; or a function that
+            returns it and is called often by another thread, with 0 for a pause. By default the
+            speed factor of the run, or 10 % if it has none.
         band: Largest difference of a revolute joint from its simulated position before the motion
             is stopped [rad]; by default 2 mrad and the distance that it moves in 50 ms at its
             largest speed. The band of a linear axis is always 2 mm and the distance of 50 ms.
-        set_points: Set-points of `learn` for this run, which replace the compensation's; with the
-            speed factor with which they were learned.
+        set_points: Set-points of `learn` for this run, which replace the compensation's. They
+            belong to the speed factor of the run, so the override is 100 % by default. While it is
+            lower, the learned corrections fade out.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
@@ -439,29 +357,41 @@ def play(
         ArmContourError: The run cannot be planned.
     """
     learned = set_points is not None
-    played_job, planned = plan_kept(job, run_name, speed_factor, learned, progress)
-    ready = prepare_motion(played_job, planned, controller, set_points=set_points, band=band)
-    played = Player(controller, execute, stop_requested, progress).play(ready)
-    return judge_motion(played, controller.cycle, band)
+    start = start_override(choose_run(job, run_name, "played"), learned=learned)
+    wanted = start if override is None else override
+    played_job, planned = plan_kept(job, run_name, learned, progress)
+    ready = prepare_motion(
+        played_job,
+        planned,
+        controller,
+        set_points=set_points,
+        band=band,
+        speed_factor=wanted() if callable(wanted) else wanted,
+    )
+    of_time = wanted if callable(wanted) else lambda: wanted
+    played = Player(controller, execute, stop_requested, progress, of_time).play(ready)
+    return judge_motion(played, band)
+
+
+def start_override(run: Run, *, learned: bool) -> float:
+    """Return the override with which a run starts by default.
+
+    - `learned`: whether set-points of `learn` are played, which belong to the run's speed factor.
+    """
+    if learned:
+        return 1.0
+    return DEFAULT_SPEED_FACTOR if run.speed_factor is None else run.speed_factor
 
 
 def plan_kept(
-    job: Job,
-    run_name: str | None,
-    speed_factor: float | None,
-    learned: bool,
-    progress: Progress | None,
+    job: Job, run_name: str | None, learned: bool, progress: Progress | None
 ) -> tuple[Job, RunResult]:
-    """Plan the run of `play`; `learned`: whether set-points of `learn` will be played."""
-    if speed_factor is None:
-        speed_factor = choose_run(job, run_name, "played").speed_factor
-    if learned and speed_factor is None:
-        raise InvalidInput(
-            "Learned set-points are valid at the speed at which they were learned only. Specify "
-            "the speed factor, which is 100 % unless you learned with another one."
-        )
-    speed_factor = DEFAULT_SPEED_FACTOR if speed_factor is None else speed_factor
-    played_job, planned = plan_played(job, run_name, speed_factor, progress=progress)
+    """Plan the run of `play`; `learned`: whether set-points of `learn` will be played.
+
+    Raises:
+        ControllerRefused: In the simulation, the run exceeds a limit or the allowed error.
+    """
+    played_job, planned = plan_played(job, run_name, at_full_speed=not learned, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
             f"In the simulation, run {planned.run.name} exceeds a limit or the allowed error. "
@@ -473,22 +403,25 @@ def plan_kept(
 def plan_played(
     job: Job,
     run_name: str | None,
-    speed_factor: float | None = None,
+    *,
+    at_full_speed: bool = False,
     reserve: float = PLAYED_RESERVE,
     progress: Progress | None = None,
 ) -> tuple[Job, RunResult]:
     """Plan a run as it is played; return the job with this run, and the result.
 
-    The run has all limits of the arm, and at least the reserve. Its speed factor is `speed_factor`;
-    by default it does not change.
+    The run has all limits of the arm, and at least the reserve, also for changes of the override.
+
+    - `at_full_speed`: whether the run's speed factor is ignored.
     """
     chosen = choose_run(job, run_name, "played")
-    played_run = replace(
-        chosen,
-        limits=resolve_limits("play", job.arm, chosen.limits),
-        timing=replace(chosen.timing, reserve=max(chosen.timing.reserve, reserve)),
-        speed_factor=chosen.speed_factor if speed_factor is None else speed_factor,
+    limits = resolve_limits("play", job.arm, chosen.limits)
+    least = PLAYED_JERK_RESERVE if limits.limits_jerk else PLAYED_RESERVE
+    timing = replace(
+        chosen.timing, reserve=max(chosen.timing.reserve, reserve, least), for_play=True
     )
+    factor = None if at_full_speed else chosen.speed_factor
+    played_run = replace(chosen, limits=limits, timing=timing, speed_factor=factor)
     played_job = replace(job, runs=(played_run,))
     return played_job, run(played_job, progress=progress).runs[chosen.name]
 
@@ -501,36 +434,74 @@ def prepare_motion(
     set_points: SetPoints | None = None,
     band: Band = None,
     lag: float = BAND_LAG,
+    speed_factor: float = 1.0,
 ) -> Played:
     """Make the motion of a planned run, and check it against the controller without a connection.
 
-    `set_points`: learned set-points; by default those of the plan. `band`, `lag`: see
-    `guarded_motion`.
+    - `set_points`: learned set-points; by default those of the plan.
+    - `band`, `lag`: see `guarded_motion`.
+    - `speed_factor`: override at the start.
     """
     points = planned.set_points if set_points is None else set_points
-    stopper = Stopper(points, job.servo, planned.run.compensation, job.arm, controller.cycle)
-    t = points.times(len(stopper.q), controller.cycle)
     if set_points is None:
-        simulated = planned.execution
-        bodies = planned.experiment
-        if bodies is not None and planned.judged is bodies.evaluation:
-            simulated = bodies.execution
-        assert simulated is not None
-        predicted = interpolate(t, simulated.t, simulated.q)
+        predict = _predict_execution(planned, job)
     else:
         _check_same_plan(set_points, planned)
-        predicted = planned.trajectory.with_rests(t)
-    rows = controller.check(job.arm, planned.run.limits, stopper.q)
+        predict = predict_plan(planned.trajectory)
+    options = planned.run.compensation
+    rows = RollingRows(
+        points, job.servo, options, job.arm, controller.cycle, predict, for_play=True
+    )
+    checked = controller.check(job.arm, planned.run.limits, rows.q)
     is_safe = controller.simulates or job.servo.contour_ratio is not None
-    rows.append(_check_accelerations(planned.run, points, is_safe))
+    checked.append(_check_accelerations(planned.run, points, is_safe))
+    t = points.times(len(rows.q), controller.cycle)
     return Played(
         job=job,
         plan=replace(planned, set_points=points),
         controller=controller.name,
-        speed_factor=points.trajectory.speed_factor,
-        checks=tuple(rows),
-        motion=guarded_motion(stopper, predicted, lag, band),
+        speed_factor=speed_factor,
+        checks=tuple(checked),
+        motion=guarded_motion(rows, _predicted_at(planned, t, set_points), lag, band),
     )
+
+
+def _predicted_at(planned: RunResult, t: FloatArray, set_points: SetPoints | None) -> FloatArray:
+    """Return the positions that are predicted at full speed at times of the plan [rad], (n, dof).
+
+    - `set_points`: learned set-points, with which the joints follow the plan.
+    """
+    if set_points is not None:
+        return planned.trajectory.with_rests(t)
+    simulated = _simulated(planned)
+    return interpolate(t, simulated.t, simulated.q)
+
+
+def _simulated(planned: RunResult) -> Execution:
+    """Return the simulated execution by which a run is judged."""
+    simulated = planned.execution
+    bodies = planned.experiment
+    if bodies is not None and planned.judged is bodies.evaluation:
+        simulated = bodies.execution
+    assert simulated is not None
+    return simulated
+
+
+def _predict_execution(planned: RunResult, job: Job) -> Prediction:
+    """Make the prediction of measured positions: that of the servos, corrected by the judged one.
+
+    Servos and bodies are simulated at full speed only. Their difference is assumed to be the same
+    at every speed.
+    """
+    judged = _simulated(planned)
+    servo = job.servo
+    points = planned.set_points
+    by_servo = ServoSimulation(points.q, points.cycle, servo.for_joints(job.arm.dof))
+    start = points.q[0]
+    times = judged.t - points.start_time
+    states = by_servo.run_at(times, (start, np.zeros_like(start), np.zeros_like(start))).states
+    differences = judged.q[1:] - states[:, :, 0].T
+    return predict_servo(servo, job.arm.dof, judged.t[1:], differences)
 
 
 @dataclass(frozen=True, slots=True)
@@ -542,12 +513,15 @@ class Player:
         execute: Whether the robot moves; otherwise the motion is only compared.
         stop_requested: Called often during a motion; True stops it on its path.
         progress: Called with the steps.
+        override: Called often during a motion, by another thread; returns the wanted share of the
+            speed, 0 for a pause. The motion to the start also pauses.
     """
 
     controller: Controller
     execute: bool = False
     stop_requested: Callable[[], bool] = lambda: False
     progress: Progress | None = None
+    override: Callable[[], float] = lambda: 1.0
 
     def play(
         self, ready: Played, is_final: Callable[[PlayedMotion], bool] = lambda record: True
@@ -582,8 +556,13 @@ class Player:
                 played = replace(played, approaches=approaches)
                 if self.stop_requested():
                     return played
-            report(Step(("playing",)))
-            return replace(played, record=self._stream(ready.motion, ready.job.arm))
+            record = self._stream(
+                ready.motion,
+                ready.job.arm,
+                self.override,
+                lambda plan_time: report(self._step_at(ready, plan_time)),
+            )
+            return replace(played, record=record)
 
     def _approach(self, ready: Played, position: FloatArray) -> Trajectory:
         """Plan the motion from a position to the first set-point."""
@@ -605,7 +584,7 @@ class Player:
                 return
             approach = self._approach(ready, position)
             motion = uncompensated_motion(approach, job.arm, controller.cycle)
-            record = self._stream(motion, job.arm)
+            record = self._stream(motion, job.arm, self._approach_override)
             distances = np.abs(record.measured[-1] - start)
             arrived = bool((distances <= _rest_tolerance(job.arm, None)).all())
             if self.stop_requested() or (record.stopped is None and arrived):
@@ -618,9 +597,29 @@ class Player:
             f"{' '.join(record.notes) or 'Check the drives.'}"
         )
 
-    def _stream(self, motion: Motion, arm: Arm) -> PlayedMotion:
+    def _approach_override(self) -> float:
+        """Return the override of the motion to the start: 0 for a pause, otherwise 1."""
+        return float(self.override() > 0.0)
+
+    def _step_at(self, ready: Played, plan_time: float) -> Step:
+        """Return the step at a time of the plan [s]: speed, place and remaining time."""
+        plan = ready.plan.trajectory
+        override = self.override()
+        left = max(plan.duration - plan_time, 0.0)
+        remaining = f"{number(left / override, 's')} left" if override else "paused"
+        place = place_in_program(ready.plan, plan_time)
+        done = min(max(plan_time / plan.duration, 0.0), 1.0)
+        return Step(("playing", f"{100 * override:.3g} %", place, remaining), done)
+
+    def _stream(
+        self,
+        motion: Motion,
+        arm: Arm,
+        override: Callable[[], float],
+        show: Callable[[float], None] = lambda plan_time: None,
+    ) -> PlayedMotion:
         """Play a motion, and refuse drives that have not moved."""
-        record = self.controller.stream(motion, self.stop_requested)
+        record = self.controller.stream(motion, self.stop_requested, override, show)
         if not len(record.t):
             raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
         commanded = np.ptp(record.command, axis=0)
@@ -637,6 +636,17 @@ class Player:
                 needed=float(commanded[j]),
             )
         return record
+
+
+def place_in_program(planned: RunResult, t: float) -> str:
+    """Return the name of the contour at a time of the plan [s], or of the next one."""
+    objective = planned.objective
+    spans = planned.trajectory.contour_spans
+    for number_of_contour, span in enumerate(spans):
+        if t <= span.t[1]:
+            name = contour_called(objective.contours[number_of_contour], number_of_contour)
+            return name if t >= span.t[0] else f"before {name}"
+    return "after all contours"
 
 
 def lost_motion(played: Played, lost: ControllerLost) -> Played:
@@ -731,23 +741,15 @@ class _Difference:
     tolerance: FloatArray
 
     @classmethod
-    def of_motion(
-        cls, played: Played, record: PlayedMotion, cycle: float, band: float | None
-    ) -> _Difference:
-        """Compare a recorded motion with its prediction, until a stop."""
+    def of_motion(cls, played: Played, record: PlayedMotion, band: float | None) -> _Difference:
+        """Compare a recorded motion with its prediction."""
         arm = played.job.arm
-        motion = played.motion
-        assert motion.predicted is not None
-        k = np.rint(record.t / cycle).astype(int)
-        if record.stopped is not None:
-            k = k[k < max(record.stopped, 1)]
-        measured = record.measured[: len(k)]
-        predicted = motion.predicted[k.clip(0, len(motion.q) - 1)]
+        tools = arm.tool_position(record.measured) - arm.tool_position(record.predicted)
         return cls(
             arm=arm,
             t=record.t,
-            joints=np.abs(measured - predicted),
-            tool=np.linalg.norm(arm.tool_position(measured) - arm.tool_position(predicted), axis=1),
+            joints=np.abs(record.measured - record.predicted),
+            tool=np.linalg.norm(tools, axis=1),
             tolerance=_rest_tolerance(arm, band),
         )
 
@@ -780,19 +782,20 @@ class _Difference:
         return f"joint {j + 1} rests {distance} from its simulated end"
 
 
-def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
+def judge_motion(played: Played, band: float | None) -> Played:
     """Add the verdict on a recorded motion, and its differences from the simulation."""
     record = played.record
     if record is None:
         return played
     planned = played.plan
     assert planned.judged is not None
-    difference = _Difference.of_motion(played, record, cycle, band)
+    difference = _Difference.of_motion(played, record, band)
     rows = difference.rows()
     kept = False
     reason = " ".join(record.notes) or "stopped on request"
     if record.stopped is None:
-        t = planned.set_points.start_time + record.t
+        # During a pause, the time of the plan stands still.
+        t = record.plan_time + SAMPLE_SEPARATION * record.t
         errors = Errors.of_pieces(measured_pieces(played.job, planned, t, record.measured))
         largest = max(errors.contour)
         note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
@@ -812,12 +815,10 @@ def judge_motion(played: Played, cycle: float, band: float | None) -> Played:
 
 def _place_of_stop(played: Played, record: PlayedMotion) -> StoppedPlace | None:
     """Find where to resume the job after a stop; None if the motion was not stopped."""
-    stopper = played.motion.next_stop
-    if record.stopped is None or not isinstance(stopper, Stopper):
+    if record.stopped is None or not len(record.t):
         return None
-    t = played.plan.set_points.start_time + record.t
-    end = stopper.end_of(record.stopped)
-    return find_stopped_place(played.job, played.plan, end, t, record.measured)
+    t = record.plan_time
+    return find_stopped_place(played.job, played.plan, float(t[-1]), t, record.measured)
 
 
 def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:

@@ -14,11 +14,11 @@ from armcontour.controllers.player import (
     Band,
     Played,
     Player,
-    commands_at,
     lost_motion,
     plan_played,
     prepare_motion,
 )
+from armcontour.controllers.rolling_rows import commands_at
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerLost, ControllerRefused, InvalidInput
 from armcontour.core.fields import checked

@@ -32,6 +32,7 @@ TITLES_OF_FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
     # armcontour's own files, and what `play` writes
     "armcontour": (
         ("t", "", 0, r"t|time"),
+        ("plan", "", 0, r"plan[ _]time"),
         ("q", "command", 0, r"u[ _]?#|command[ _]#|command (.+)"),
         ("q", "measured", 0, r"(?:q|joint)[ _]?#|measured[ _]#|(?:q|measured) (.+)"),
         ("dq", "measured", 0, r"dq[ _]?#|dq (.+)"),
@@ -90,7 +91,7 @@ _PATTERNS = [
     for kind, role, rank, pattern in chain.from_iterable(TITLES_OF_FORMATS.values())
 ]
 # SI units by kind of column.
-SI = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
+SI = {"t": "s", "plan": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 # Names of joint columns by their kinds, for messages.
 QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint acceleration"}
 
@@ -98,7 +99,7 @@ QUANTITIES = {"q": "joint position", "dq": "joint velocity", "ddq": "joint accel
 class JointColumn(NamedTuple):
     """What a column contains: quantity, role and joint."""
 
-    kind: str  # "t", "q", "dq" or "ddq"
+    kind: str  # "t", "plan" (time of the plan), "q", "dq" or "ddq"
     role: str = ""  # "command" or "measured"; empty for times
     joint: str = ""  # Number or name of the joint in the file; empty for times
 
@@ -113,6 +114,8 @@ class JointColumn(NamedTuple):
 
 
 TIME = JointColumn("t")
+# Time of the plan, in logs of `play`
+PLAN_TIME = JointColumn("plan")
 
 
 def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[JointColumn] | None:
@@ -126,6 +129,8 @@ def read_joint_title(name: str, joint_names: Sequence[str] = ()) -> Title[JointC
             continue
         if kind == "t":
             return Title(TIME, "s", unit="ns" if rank else None, rank=rank)
+        if kind == "plan":
+            return Title(PLAN_TIME, "s")
         joint = next(x for x in match.groups() if x is not None)
         joint = (joint.lstrip("0") or "0") if joint.isdigit() else joint
         return Title(JointColumn(kind, role, joint), SI[kind], rank=rank)

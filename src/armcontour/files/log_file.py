@@ -19,6 +19,7 @@ from armcontour.core.quantities import joint_units
 from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
+    PLAN_TIME,
     TITLES_OF_FORMATS,
     JointColumn,
     joints_of,
@@ -54,7 +55,7 @@ def read_log(
     `command 1 [deg]`, `command rail [mm]`). Other columns, and joints with only a command or only a
     measured position, are ignored. Separators are commas, semicolons, tabs or blanks. Lines that
     start with # are comments; the comment `# interpolation: step` specifies the interpolation
-    between set-points.
+    between set-points. The column `plan time` of logs of `play` is the time of the plan.
 
     >>> log = ac.read_log("log.csv")
     >>> log.measured.shape == (len(log.t), 1)
@@ -80,14 +81,12 @@ def log_text(log: Log) -> str:
     """Return the CSV text of a log with all digits and its notes, which `read_log` can read."""
     text = io.StringIO()
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
-    np.savetxt(
-        text,
-        np.column_stack([log.t, log.command, log.measured]),
-        delimiter=",",
-        fmt="%.17g",
-        header=log_head([*comments, *log.notes], log.prismatic),
-        comments="",
-    )
+    columns = [log.t, log.command, log.measured]
+    head = log_head([*comments, *log.notes], log.prismatic)
+    if log.plan_time is not None:
+        columns.append(log.plan_time)
+        head = f"{head},plan time [s]"
+    np.savetxt(text, np.column_stack(columns), delimiter=",", fmt="%.17g", header=head, comments="")
     return text.getvalue()
 
 
@@ -169,8 +168,9 @@ def _read_log(
     else:
         names, notes = _pair_joints(table, joints)
     keys = [JointColumn("q", role, name) for role, name in product(roles, names)]
-    samples = read_samples(table, keys, *window)
-    columns_of_roles = np.hsplit(samples.values, len(roles))
+    has_plan_time = PLAN_TIME in table.columns
+    samples = read_samples(table, [*keys, *[PLAN_TIME] * has_plan_time], *window)
+    columns_of_roles = np.hsplit(samples.values[:, : len(keys)], len(roles))
     log = cut_log(
         samples.t,
         columns_of_roles[0],
@@ -181,6 +181,7 @@ def _read_log(
         interpolation=_find_interpolation(table.comments),
         source=table.source,
         notes=(*naming, *notes, *samples.notes),
+        plan_time=samples.values[:, -1] if has_plan_time else None,
     )
     return log, len(roles) > 1
 

@@ -71,6 +71,8 @@ class Log(Checked):
         source: Where the log comes from, for messages.
         notes: What the reader recognised and ignored in the file.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
+        plan_time: Time of the plan at each sample [s], (n,), of a motion that `play` has recorded;
+            None if unknown.
 
     Raises:
         InvalidInput: Times do not increase or are too near to each other, angles wrap, or there are
@@ -85,6 +87,7 @@ class Log(Checked):
     source: str = "the log"
     notes: tuple[str, ...] = ()
     prismatic: tuple[bool, ...] = ()
+    plan_time: Annotated[FloatArray, Quantity("s"), Axes("n")] | None = None
 
     def _check_together(self) -> None:
         if len(self.t) < FEWEST:
@@ -104,6 +107,11 @@ class Log(Checked):
         if len(names) != dof or len(set(names)) != dof:
             raise InvalidInput(
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
+            )
+        if self.plan_time is not None and len(self.plan_time) != len(self.t):
+            raise InvalidInput(
+                f"{self.source} has {len(self.t)} samples, but {len(self.plan_time)} times of the "
+                "plan. Both need the same number."
             )
         slides = self.prismatic or (False,) * dof
         if len(slides) != dof:
@@ -140,10 +148,24 @@ class Log(Checked):
             start: First time to keep [s]; by default from the first sample.
             end: Last time to keep [s]; by default until the last sample.
         """
-        mask = _time_mask(self.t, start, end, self.source)
+        return self.at(_time_mask(self.t, start, end, self.source))
+
+    def at(self, used: BoolArray) -> Log:
+        """Return the part of the log with some samples; `used`: a mask, (n,)."""
         return replace(
-            self, t=self.t[mask], command=self.command[mask], measured=self.measured[mask]
+            self,
+            t=self.t[used],
+            command=self.command[used],
+            measured=self.measured[used],
+            plan_time=None if self.plan_time is None else self.plan_time[used],
         )
+
+    @property
+    def lowest_override(self) -> float:
+        """Smallest share of the planned speed at which the motion was executed; 1 if unknown."""
+        if self.plan_time is None:
+            return 1.0
+        return min(float((np.diff(self.plan_time) / np.diff(self.t)).min()), 1.0)
 
     def _check_rows(self, name: str) -> FloatArray:
         """Return positions as a read-only array, (n, dof); raise InvalidInput for other shapes."""
@@ -192,6 +214,7 @@ def cut_log(
     window: tuple[float, float],
     *,
     source: str = "the log",
+    plan_time: FloatArray | None = None,
     **fields: Any,
 ) -> Log:
     """Make a log from a part of arrays; the complete arrays need not be a valid log.
@@ -202,6 +225,7 @@ def cut_log(
         measured: Measured positions [rad], (n, dof).
         window: First and last time to use [s].
         source: Where the arrays come from, for messages.
+        plan_time: Times of the plan [s], (n,); None if unknown.
         fields: Other fields of `Log`.
 
     Raises:
@@ -210,7 +234,14 @@ def cut_log(
     used = _time_mask(t, *window, source)
     command = np.asarray(command)[used]
     measured = np.asarray(measured)[used]
-    return Log(t=np.asarray(t)[used], command=command, measured=measured, source=source, **fields)
+    return Log(
+        t=np.asarray(t)[used],
+        command=command,
+        measured=measured,
+        source=source,
+        plan_time=None if plan_time is None else plan_time[used],
+        **fields,
+    )
 
 
 def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
@@ -260,13 +291,7 @@ def replace_repeated_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
         f"{log.source} repeats {repeated[:, joints].mean():.0%} of the measured positions of "
         f"{names}. Interpolation between the new positions replaces them."
     )
-    renewed = replace(
-        log,
-        t=log.t[remaining],
-        command=log.command[remaining],
-        measured=interpolated[remaining],
-    )
-    return renewed, (note,)
+    return replace(log, measured=interpolated).at(remaining), (note,)
 
 
 def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:

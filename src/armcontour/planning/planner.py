@@ -98,7 +98,7 @@ def plan(
             seed=options.seed,
             accept=options.accept,
         )
-    reduced = reduce_limits(bounds, options.reserve)
+    reduced = reduce_limits(bounds, options.reserve, for_play=options.for_play)
     if isinstance(traced, JointPath):
         timing = Timing(arm, reduced, options)
         trajectory = options.time(traced, arm, reduced)

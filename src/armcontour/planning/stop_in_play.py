@@ -17,6 +17,7 @@ from armcontour.core.errors import NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Time
 from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
+from armcontour.motion.time_scaling import TimeScaling
 from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
@@ -98,14 +99,14 @@ def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
     """
     arm = arm_of(trajectory)
     limits = trajectory.limits_for(None)
-    rest = _next_rest(trajectory, t)
+    rest = next_rest(trajectory, t)
     if np.abs(trajectory(min(t, rest), 1)).max() < REST_JOINT_SPEED:
         end = min(t, rest)
         return EarlyStop(trajectory=_cut_at(trajectory, end), end=end)
-    joint_path = _path_over_time(trajectory, t, rest)
+    joint_path = path_over_time(trajectory, t, rest)
     inner = trajectory.smooth_breaks
     jumps = inner[(inner > t) & (inner < rest)] - t
-    find = partial(_smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
+    find = partial(smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
     # A part of the reserve is used first, then all of it.
     for reserve in sorted({max(trajectory.reserve - RESERVE_REDUCTION, 0.0), 0.0}, reverse=True):
         found = find(joint_path, arm, reduce_limits(limits, reserve))
@@ -116,7 +117,7 @@ def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
     return EarlyStop(trajectory=_cut_at(trajectory, rest), end=rest)
 
 
-def _next_rest(trajectory: Trajectory, t: float) -> float:
+def next_rest(trajectory: Trajectory, t: float) -> float:
     """Return the first time after `t` at which the plan is at rest [s]."""
     times = trajectory.breaks
     times = np.append(times[times > t], trajectory.duration)
@@ -160,9 +161,15 @@ class ShortenedLaw(Law):
         return self.law.on_interval(i, t, order)
 
 
-def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPath:
-    """Return the motion between two times as a joint path over the time since `begin`."""
-    inner = trajectory.smooth_breaks
+def path_over_time(
+    trajectory: Trajectory, begin: float, end: float, smooth_breaks: FloatArray | None = None
+) -> JointPath:
+    """Return the motion between two times as a joint path over the time since `begin`.
+
+    - `smooth_breaks`: times between which the motion is smooth [s], by default those of the
+      trajectory.
+    """
+    inner = trajectory.smooth_breaks if smooth_breaks is None else smooth_breaks
     breaks = [begin, *inner[(inner > begin) & (inner < end)], end]
     counts = np.ceil(np.diff(breaks) / MAX_PIECE).astype(int)
     parts = [
@@ -182,17 +189,19 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _StopLaw:
+class StopLaw:
     """Law of a stop along a path over time.
 
     - `delay`: time from the request to the start of the law [s].
     - `law`: the law, which ends at rest.
     - `end`: parameter of the path at which the law ends [s].
+    - `scaling`: parameter of the path over the time since the request; None for the fastest stop.
     """
 
     delay: float
     law: Law
     end: float
+    scaling: TimeScaling | None = None
 
 
 class _PlanSpeed(Constraint):
@@ -205,7 +214,7 @@ class _PlanSpeed(Constraint):
         return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
 
 
-def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw | None:
+def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> StopLaw | None:
     """Plan the fastest stop, on the shortest feasible part of a path; None if infeasible."""
     braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
     constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
@@ -226,12 +235,12 @@ def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> _StopLaw |
             low = middle
     if law is None:
         return None
-    return _StopLaw(delay=0.0, law=law, end=float(joint_path.breaks[high]))
+    return StopLaw(delay=0.0, law=law, end=float(joint_path.breaks[high]))
 
 
-def _smooth_stop(
+def smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
-) -> _StopLaw | None:
+) -> StopLaw | None:
     """Search for the earliest stop with a cubic speed; None if no stop is feasible.
 
     Derivatives of the path may be discontinuous at its parameters `jumps`.
@@ -277,8 +286,15 @@ def _smooth_stop(
     delay = share * high
     speed = _cubic_speed(joint_path, lengths, delay, high - delay)
     assert speed is not None
-    end = _time_at(joint_path, lengths, speed.length(np.array([speed.duration])))
-    return _StopLaw(delay=delay, law=PathLaw.over_time(stopped), end=float(end[0]))
+    times = speed.times(CHECKED_STATES[-1], jump_lengths)
+    passage = _passage(joint_path, lengths, speed, times)
+    assert passage is not None
+    return StopLaw(
+        delay=delay,
+        law=PathLaw.over_time(stopped),
+        end=float(passage.scaling(passage.scaling.end)),
+        scaling=passage.scaling.delayed(delay),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,28 +389,59 @@ def _time_at(joint_path: JointPath, lengths: FloatArray, length: FloatArray) -> 
     return np.asarray(tau)
 
 
-def _slow_down(
+@dataclass(frozen=True, slots=True)
+class _Passage:
+    """Parameter tau of a joint path during a stop, at both ends of its pieces.
+
+    - `t`: times at the ends of the pieces [s], (n + 1,).
+    - `begin`, `end`: tau [s], its rate [-] and the slope of the rate [1/s] at the starts and ends
+      of the pieces, (3, n) each.
+    """
+
+    t: FloatArray
+    begin: FloatArray
+    end: FloatArray
+
+    @property
+    def scaling(self) -> TimeScaling:
+        """The parameter as a time scaling."""
+        begin, end = ((x[0], x[1], x[2]) for x in (self.begin, self.end))
+        return TimeScaling.hermite(self.t, begin, end)
+
+
+def _passage(
     joint_path: JointPath, lengths: FloatArray, speed: _CubicSpeed, t: FloatArray
-) -> JointPath | None:
-    """Make the joint path of the stop over time; None if it would be faster than the plan."""
+) -> _Passage | None:
+    """Return how a stop passes a joint path; None if it would be faster than the plan."""
     tau = _time_at(joint_path, lengths, speed.length(t))
     tau[0] = speed.delay
     v = speed.speed(t)
     a = speed.acceleration(t)
     ends = []
     for part, side in ((slice(None, -1), "right"), (slice(1, None), "left")):
-        q, first, second = (joint_path(tau[part], k, side=side) for k in range(3))
+        first, second = (joint_path(tau[part], k, side=side) for k in (1, 2))
         planned = np.linalg.norm(first, axis=1)
-        # `rate` is dtau/dt; `slope` is its derivative.
         rate = v[part] / planned
         if rate.max() > 1 + STOP_ROUNDING:
             return None
         slope = (a[part] - rate**2 * np.einsum("nj,nj->n", first, second) / planned) / planned
-        rate = rate[:, None]
-        slope = slope[:, None]
-        ends.append((q, first * rate, second * rate**2 + first * slope))
-    before, after = (tuple(x) for x in ends)
-    return JointPath.hermite(t, before, after)
+        ends.append(np.stack([tau[part], rate, slope]))
+    return _Passage(t, *ends)
+
+
+def _slow_down(
+    joint_path: JointPath, lengths: FloatArray, speed: _CubicSpeed, t: FloatArray
+) -> JointPath | None:
+    """Make the joint path of the stop over time; None if it would be faster than the plan."""
+    passage = _passage(joint_path, lengths, speed, t)
+    if passage is None:
+        return None
+    ends = []
+    for (tau, rate, slope), side in ((passage.begin, "right"), (passage.end, "left")):
+        q, first, second = (joint_path(tau, k, side=side) for k in range(3))
+        rates = rate[:, None]
+        ends.append((q, first * rates, second * rates**2 + first * slope[:, None]))
+    return JointPath.hermite(t, *ends)
 
 
 def _is_within(path: JointPath, arm: Arm, limits: Limits) -> bool:

@@ -46,6 +46,8 @@ class PlanOptions(Options):
     Args:
         reserve: Fraction of the limits of joint acceleration and torque that the plan leaves to the
             servo. With a reserve of 0, a lagging servo cannot catch up.
+        for_play: Whether the reserve is also one of the limits of joint jerk, tool acceleration and
+            angular acceleration, so that the override can change during a motion with `play`.
         configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
             one that is fastest along the path.
         seed: For an arm in space: joint positions near the required start [rad], (dof,); by
@@ -70,6 +72,7 @@ class PlanOptions(Options):
     # True if `reshape` changes the path, so that the method cannot plan along a given joint path
     changes_path: ClassVar[bool] = False
     reserve: Reserve = 0.0
+    for_play: Annotated[bool, NO_KEY] = False
     configuration: Annotated[str | None, NO_KEY] = None
     seed: Annotated[Annotated[FloatArray, Quantity("rad", "10 deg")] | None, NO_KEY] = None
     accept: Annotated[Callable[[JointPath], bool] | None, NO_KEY] = None

@@ -62,6 +62,8 @@ class Limit:
             their errors; None for the derivative `order`.
         needs_bodies: True if the quantity requires the arm's masses.
         reserved: True if a plan's reserve reduces the limit.
+        reserved_for_play: True if the reserve of plans for `play` also reduces it, because changes
+            of the override need it.
         name: Name of the field, set from it.
         kind: "joint" with one value per joint, "rotation", or "tool", set from the field's prefix
             "joint_" or "angular_".
@@ -75,6 +77,7 @@ class Limit:
     rate: Callable[[Any], tuple[FloatArray, FloatArray]] | None = None
     needs_bodies: bool = False
     reserved: bool = False
+    reserved_for_play: bool = False
     name: str = ""
     kind: str = "tool"
     quantity: Quantity = Quantity("")
@@ -126,16 +129,18 @@ class Limits(Checked):
         JointTorques | None,
         Limit(2, power=0, rate=methodcaller("torque"), needs_bodies=True, reserved=True),
     ] = None
-    joint_jerk: Annotated[JointJerks | None, Limit(3)] = None
+    joint_jerk: Annotated[JointJerks | None, Limit(3, reserved_for_play=True)] = None
     joint_lower: Annotated[JointRanges | None, Limit(0)] = None
     joint_upper: Annotated[JointRanges | None, Limit(0)] = None
     speed: Annotated[SpeedLimit | None, Limit(1, "assigned velocity")] = None
-    tool_acceleration: Annotated[AccelerationLimit | None, Limit(2)] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, Limit(2, reserved_for_play=True)] = None
     centripetal_acceleration: Annotated[
         AccelerationLimit | None, Limit(2, rate=methodcaller("centripetal"))
     ] = None
     angular_speed: Annotated[AngularSpeedLimit | None, Limit(1)] = None
-    angular_acceleration: Annotated[AngularAccelerationLimit | None, Limit(2)] = None
+    angular_acceleration: Annotated[
+        AngularAccelerationLimit | None, Limit(2, reserved_for_play=True)
+    ] = None
     removed: frozenset[str] = field(default=frozenset(), init=False)
     prismatic: tuple[bool, ...] = field(default=(), init=False)
 
@@ -446,14 +451,18 @@ def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)
 
 
-def reduce_limits(limits: Limits, reserve: float) -> Limits:
-    """Reduce the joint acceleration and torque limits by the fraction `reserve`, 0 to below 1."""
+def reduce_limits(limits: Limits, reserve: float, *, for_play: bool = False) -> Limits:
+    """Reduce the joint acceleration and torque limits by the fraction `reserve`, 0 to below 1.
+
+    `for_play`: whether to reduce also the limits of jerk, tool and angular acceleration.
+    """
     if not reserve:
         return limits
     reduced = {}
     for name, limit in LIMITS.items():
         value = getattr(limits, name)
-        if limit.reserved and value is not None:
+        is_reserved = limit.reserved or (for_play and limit.reserved_for_play)
+        if is_reserved and value is not None:
             reduced[name] = (1 - reserve) * value
     return limits.replace(**reduced) if reduced else limits
 

@@ -156,10 +156,10 @@ def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, lim
 
 def test_play_moves_to_the_start_plays_and_gives_a_log(address, job):
     for _ in range(TRIES):
-        result = play(job, Franka(address), execute=True, speed_factor=0.5)
+        result = play(job, Franka(address), execute=True, override=0.5)
         if result.record.faithful:
             break
     assert result.log.command.shape == result.record.command.shape
     assert result.distance > 1e-3 and result.record.stopped is None
-    dry = play(job, Franka(address), speed_factor=0.5)
+    dry = play(job, Franka(address), override=0.5)
     assert dry.record is None and {x.name for x in dry.checks} > {"fci.jerk"}

@@ -40,6 +40,7 @@ class Inverse(CompensationOptions):
     """
 
     method = "inverse"
+    is_local = True
 
     def set_points(
         self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None

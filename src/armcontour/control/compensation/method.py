@@ -30,6 +30,8 @@ class CompensationOptions(Options):
     compensates: ClassVar[bool] = True
     # True if the set-points depend on the masses of the arm, which the servo model lacks
     for_bodies: ClassVar[bool] = False
+    # True if a set-point depends on the motion near its time only
+    is_local: ClassVar[bool] = False
     command_limits: Annotated[Limits | None, NO_KEY] = None
 
     @property

@@ -24,6 +24,7 @@ class NoCompensation(CompensationOptions):
 
     method = "none"
     compensates = False
+    is_local = True
 
     def set_points(
         self, trajectory: Trajectory, servo: ServoModel, cycle: float, arm: Arm | None

@@ -30,6 +30,8 @@ SET_POINT_TOLERANCE = 1e-9
 SEARCHED_DEAD_TIME = 0.25
 # Consequence of saturation.
 SATURATED = "Learning assumes a linear response. Plan with a larger reserve."
+# Rounding error of the override in a log.
+FULL_SPEED_ROUNDING = 1e-6
 
 
 @declared(eq=False)
@@ -108,6 +110,12 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             ),
         )
     elif isinstance(executed, Log):
+        if executed.lowest_override < 1 - FULL_SPEED_ROUNDING:
+            raise InvalidInput(
+                f"{executed.source} was recorded at {100 * executed.lowest_override:.3g} % of the "
+                "planned speed at the least, but learning needs a whole run at 100 %. Play the run "
+                "again without a pause, with --speed-factor '100 %'."
+            )
         timed, jitter = regularize_times(executed)
         log, repeats = replace_repeated_positions(timed)
         recording = Recording(

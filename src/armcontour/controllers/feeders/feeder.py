@@ -1,31 +1,32 @@
 """The loop of a feeder: sends rows of joint positions to a controller, and samples to the sender.
 
-A feeder is a process between `Controller` and a robot. It holds the whole motion and the next stops
-on the path, so it ends a motion on the path even if the process that started it is gone. It needs
-only the standard library and the client library of its controller, since LinuxCNC's is compiled for
-the Python of the system.
+A feeder is a process between `Controller` and a robot. The rows that it holds always end at rest on
+the path, so a motion ends there even if the process that started it is gone. It needs only the
+standard library and the client library of its controller, since LinuxCNC's is compiled for the
+Python of the system.
 
 Lines to a feeder, with the cycle k of a motion counted from 0:
 
 | line | meaning |
 |---|---|
-| `M` | a new motion; its rows follow |
-| `T k` | a stop that replaces the motion from cycle k on; its rows follow |
+| `M` | a new motion; its first block follows |
+| `C number k more` | a block: rows from cycle k on; `more` is 0 if the motion ends there, else 1 |
 | `P q1 q2 ...` | a row: joint positions [rad] |
 | `H n` | the last row n times more |
 | `E` | end of the rows |
 | `G` | play the motion |
-| `S` | take the next stop |
+| `S` | the motion ends with the rows that the feeder has |
 | (empty) | the sender is alive |
-| `Q` | quit |
+| `Q` | quit: the motion ends with its rows |
 
 Lines from a feeder: `R q1 q2 ...` connected, at these commanded positions; `s number k command
-measured` a sample of the controller's clock, k is -1 between motions; `X k` a stop from cycle k on;
-`D` the motion has ended; `A` no later stop has come, so the last one is taken; `W` no sign of life,
-so the next stop is taken; `V` the sender or a process of the feeder is gone, so the next stop is
-taken; `N reason` the record cannot be written, so the next stop is taken; `U k` the controller had
-no row for cycle k, so it ended the motion by itself; `L t` if the feeder is gone, the controller
-has stopped the joints after the time t [s]; `F message` the controller failed.
+measured` a sample of the controller's clock, k is -1 between motions; `K number` the block is kept;
+`B number` the block came too late, or the motion ends with the rows before, so it is ignored; `D`
+the motion has ended. For the following events, the motion ends with the rows that the feeder has:
+`W` no sign of life, `V` the sender or a process of the feeder is gone, `N reason` the record cannot
+be written. `U k` the controller had no row for cycle k, so it ended the motion by itself; `L t` if
+the feeder is gone, the controller has stopped the joints after the time t [s]; `F message` the
+controller failed.
 """
 
 from __future__ import annotations
@@ -41,15 +42,13 @@ import traceback
 from collections import deque
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-# Timeout of the sender: after this time without a line, the feeder executes the next stop [s].
+# Timeout of the sender: after this time without a line, the motion ends with its rows [s].
 SENDER_TIMEOUT = 0.5
 # Timeout of a guarded feeder: after this time without a pass of its loop, its guard ends it and
 # stops the motion [s].
 LOOP_TIMEOUT = 0.2
-# Number of stops that a guard stores.
-GUARDED_STOPS = 8
 # Time between two writes to the record [s].
 RECORD_PERIOD = 0.05
 # A controller without a FIFO is recorded at rest in every REST_RECORD_EVERY-th cycle.
@@ -60,10 +59,13 @@ READ_SIZE = 1 << 20
 # Maximum number of lines that the loop processes per pass during a motion: about 0.2 ms.
 MAX_LINES_PER_PASS = 60
 # Indices of the state that a feeder shares with its guard: number of passes of the loop, whether a
-# motion is played, number of rows sent, and 1 + the first cycle of the stop that was taken.
-STATE_LOOPS, STATE_PLAYING, STATE_SENT, STATE_TAKEN_STOP = range(4)
-# Size of this state, four integers of 8 bytes [bytes].
-STATE_SIZE = 32
+# motion is played, number of rows sent, and the first of the last answers to blocks.
+STATE_LOOPS, STATE_PLAYING, STATE_SENT, STATE_ANSWERS = range(4)
+# Number of answers that the state holds. The answer to block n is at index n modulo this number: n
+# if the block was kept, -n if it was not. Numbers of blocks begin with 1.
+ANSWERS = 12
+# Size of this state, integers of 8 bytes [bytes].
+STATE_SIZE = 8 * (STATE_ANSWERS + ANSWERS)
 Row = tuple[float, ...]
 # Sample: count of the controller's clock, cycle of the motion, commanded and measured positions.
 Sample = tuple[int, int, Row, Row]
@@ -86,7 +88,7 @@ class Device(Protocol):
         """Set the accelerations of a controller that stops by itself to the largest of some rows.
 
         Args:
-            rows: Rows of a motion, or of a stop with the two rows before it.
+            rows: Rows of a block with the two rows before it.
             new: Whether a motion begins; else, limits are only increased.
 
         Returns:
@@ -224,6 +226,16 @@ class Record:
             self._descriptor = -1
 
 
+class Block(NamedTuple):
+    """Rows that replace those of a motion from a cycle on."""
+
+    number: int
+    k: int
+    # Whether another block can follow the rest at the end of the rows.
+    more: bool
+    rows: list[Row]
+
+
 class Feeder:
     """Reads commands from stdin, plays motions on a device, and prints samples and events.
 
@@ -231,8 +243,8 @@ class Feeder:
         device: The controller.
         record: File of all samples.
         out: What gets the lines.
-        state: Memory shared with a guard: integers with the indices STATE_LOOPS,
-            STATE_PLAYING, STATE_SENT and STATE_TAKEN_STOP. None without a guard.
+        state: Memory shared with a guard: integers with the indices STATE_LOOPS, STATE_PLAYING,
+            STATE_SENT, and from STATE_ANSWERS on. None without a guard.
     """
 
     def __init__(
@@ -244,14 +256,13 @@ class Feeder:
         self.guarded = state is not None
         self.state = memoryview(bytearray(STATE_SIZE)).cast("q") if state is None else state
         self.rows: list[Row] = []
-        self.stops: dict[int, list[Row]] = {}
-        self.block: list[Row] = []
-        self.block_start: int | None = None
+        self.block = Block(0, 0, False, [])
         self.rest = b""
         self.lines: deque[bytes] = deque()
         self.sent = 0
-        self.playing = self.stop_requested = self.sender_lost = self.quitting = self.stopped = False
-        self.ended = False
+        # Whether another block can follow the last row, which is held until then.
+        self.more = False
+        self.playing = self.sender_lost = self.quitting = self.ended = False
         self.heard = time.monotonic()
 
     def send_line(self, letter: str, *words: object) -> None:
@@ -271,10 +282,11 @@ class Feeder:
         self.lose_sender()
 
     def lose_sender(self) -> None:
-        """Continue without a sender, whose connection has failed: take the next stop, then quit."""
+        """Continue without a sender, whose connection has failed: end the motion, then quit."""
         if not self.quitting:
             self.send_line("V")
-        self.sender_lost = self.stop_requested = self.quitting = True
+        self.sender_lost = self.quitting = True
+        self.more = False
 
     def run(self) -> None:
         """Connect, then process commands until the end."""
@@ -328,9 +340,9 @@ class Feeder:
         else:
             self.obey_lines()
         is_silent = time.monotonic() - self.heard > SENDER_TIMEOUT
-        if is_silent and self.playing and not self.sender_lost and not self.stop_requested:
+        if is_silent and self.playing and self.more:
             self.send_line("W")
-            self.stop_requested = True
+            self.more = False
 
     def take(self, data: bytes) -> None:
         """Append received data to the buffer, and process its lines."""
@@ -350,76 +362,78 @@ class Feeder:
         """Process one line of the sender; the docstring of this module explains its letter."""
         kind = words[0]
         if kind == "P":
-            self.block.append(tuple(map(float, words[1:])))
+            self.block.rows.append(tuple(map(float, words[1:])))
         elif kind == "H":
-            self.block += self.block[-1:] * int(words[1])
-        elif kind in "MT":
-            self.block = []
-            self.block_start = int(words[1]) if kind == "T" else None
+            self.block.rows.extend(self.block.rows[-1:] * int(words[1]))
+        elif kind == "M":
+            self.rows = []
+            self.sent = 0
+            self.more = True
+        elif kind == "C":
+            number, k, more = map(int, words[1:])
+            self.block = Block(number, k, bool(more), [])
         elif kind == "E":
             self.end_block()
         elif kind == "G":
-            if self.record.error:
-                raise DeviceError(f"{self.record.file} cannot be written: {self.record.error}")
-            self.send_line("L", self.device.take_limits(self.rows, new=True))
-            self.extend_limits()
-            self.device.start()
-            self.record.begun = True
-            self.sent = 0
-            self.playing = True
-            self.stop_requested = self.ended = False
-            self.state[STATE_TAKEN_STOP] = 0
+            self.start()
         elif kind == "S":
-            self.stop_requested = self.playing
+            self.more = False
         elif kind == "Q":
             self.quitting = True
-            self.stop_requested = self.playing
+            self.more = False
+
+    def start(self) -> None:
+        """Play the motion."""
+        if self.record.error:
+            raise DeviceError(f"{self.record.file} cannot be written: {self.record.error}")
+        self.send_line("L", self.device.take_limits(self.rows, new=True))
+        self.device.start()
+        self.record.begun = True
+        self.playing = True
+        self.ended = False
 
     def end_block(self) -> None:
-        """Store the received rows as a motion or as a stop."""
-        if self.block_start is None:
-            self.rows = self.block
-            self.stops = {}
-            self.stopped = False
-        elif not self.stopped:
-            self.stops[self.block_start] = self.block
+        """Keep the received rows, unless they come too late or the motion ends without them."""
+        block = self.block
+        is_kept = self.more and self.sent <= block.k
+        self.answer(block.number, is_kept)
+        if is_kept:
+            self.keep(block)
             if self.playing:
-                self.extend_limits()
+                rows = self.rows[max(block.k - 2, 0) :]
+                self.send_line("L", self.device.take_limits(rows, new=False))
 
-    def extend_limits(self) -> None:
-        """Raise the controller's limits to those of the stop received last."""
-        k = max(self.stops, default=len(self.rows))
-        if k < len(self.rows):
-            rows = self.rows[max(k - 2, 0) : k] + self.stops[k]
-            settling = self.device.take_limits(rows, new=False)
-            if self.playing:
-                self.send_line("L", settling)
+    def answer(self, number: int, is_kept: bool) -> None:
+        """Say whether a block is kept."""
+        self.state[STATE_ANSWERS + number % ANSWERS] = number if is_kept else -number
+        self.send_line("K" if is_kept else "B", number)
+
+    def keep(self, block: Block) -> None:
+        """Replace the rows from the first cycle of a block on."""
+        self.hold_until(block.k)
+        self.rows[block.k :] = block.rows
+        self.more = block.more
+
+    def hold_until(self, k: int) -> None:
+        """Repeat the last row, a rest, until a cycle."""
+        self.rows.extend(self.rows[-1:] * (k - len(self.rows)))
 
     def feed(self) -> None:
-        """Send the next rows of the motion, or of the stop that replaces it."""
+        """Send the next rows of the motion, and hold the last one while more can follow."""
         if not self.playing:
             return
         missed = self.device.missed(self.sent == len(self.rows))
         if missed is not None and not self.ended:
             self.end_motion(missed)
-        self.stops = {k: rows for k, rows in self.stops.items() if k >= self.sent}
-        # Rows from the first cycle of the last received stop on are not sent, because then the
-        # motion could no longer stop on the path.
-        last = max(self.stops, default=len(self.rows))
-        if self.stops and not self.stop_requested and last == self.sent < len(self.rows):
-            self.send_line("A")
-            self.stop_requested = True
-        if self.stop_requested and self.stops:
-            k = min(self.stops)
-            self.take_stop(k)
-            self.state[STATE_TAKEN_STOP] = k + 1
-            self.send_line("X", k)
-            last = len(self.rows)
-        for _ in range(min(self.device.room(), last - self.sent, len(self.rows) - self.sent)):
+        for _ in range(self.device.room()):
+            if self.sent == len(self.rows):
+                if not self.more:
+                    break
+                self.hold_until(self.sent + 1)
             self.device.write(self.sent, self.rows[self.sent])
             self.sent += 1
             self.state[STATE_SENT] = self.sent
-        if self.sent == len(self.rows) and self.device.is_done():
+        if self.sent == len(self.rows) and not self.more and self.device.is_done():
             self.report()
             self.device.finish()
             self.playing = False
@@ -432,16 +446,8 @@ class Feeder:
             self.send_line("U", k)
         self.rows = self.rows[:k]
         self.sent = len(self.rows)
-        self.stops = {}
-        self.stop_requested = False
-        self.ended = self.stopped = True
-
-    def take_stop(self, k: int) -> None:
-        """Replace the rows from cycle k on, and discard the stops of the old rows."""
-        self.rows = self.rows[:k] + self.stops[k]
-        self.stops = {}
-        self.stop_requested = False
-        self.stopped = True
+        self.more = False
+        self.ended = True
 
     def report(self) -> None:
         """Record the new samples, and print them for the parent process."""
@@ -453,13 +459,13 @@ class Feeder:
         self.record.write()
         if self.record.error and not had_error:
             self.send_line("N", self.record.error)
-            self.stop_requested = self.stop_requested or self.playing
+            self.more = False
 
 
 class Guard(Feeder):
-    """Forwards lines to a feeder (its child process); stops the motion if the feeder fails.
+    """Forwards lines to a feeder (its child process); ends the motion if the feeder fails.
 
-    If the guard ends, the feeder stops, since it then has no sender.
+    If the guard ends, the feeder ends the motion, since it then has no sender.
     """
 
     device: GuardedDevice
@@ -468,13 +474,26 @@ class Guard(Feeder):
         super().__init__(*of_feeder)
         self.child = child
         self.pipe = pipe
+        # Blocks that the feeder has not answered yet.
+        self.unanswered: deque[Block] = deque()
 
     def obey(self, words: list[str]) -> None:
-        """Store rows and the latest stops, as the feeder does."""
-        if words[0] in "PHMTE":
+        """Store the blocks of a motion, as the feeder does."""
+        if words[0] in "PHMC":
             super().obey(words)
-        while len(self.stops) > GUARDED_STOPS:
-            del self.stops[min(self.stops)]
+        elif words[0] == "E":
+            self.unanswered.append(self.block)
+
+    def follow(self) -> None:
+        """Keep the blocks that the feeder has kept."""
+        while self.unanswered:
+            block = self.unanswered[0]
+            answer = self.state[STATE_ANSWERS + block.number % ANSWERS]
+            if abs(answer) < block.number:
+                return
+            self.unanswered.popleft()
+            if answer == block.number:
+                self.keep(block)
 
     def run(self) -> None:
         """Forward lines until the feeder ends."""
@@ -493,8 +512,7 @@ class Guard(Feeder):
             if passes != self.state[STATE_LOOPS] or not self.state[STATE_PLAYING]:
                 passes = self.state[STATE_LOOPS]
                 passed_at = time.monotonic()
-            if self.state[STATE_PLAYING] and self.state[STATE_TAKEN_STOP] - 1 in self.stops:
-                self.take_stop(self.state[STATE_TAKEN_STOP] - 1)
+            self.follow()
             ended, status = os.waitpid(self.child, os.WNOHANG)
             if not ended and time.monotonic() - passed_at > LOOP_TIMEOUT:
                 os.kill(self.child, signal.SIGKILL)
@@ -518,14 +536,15 @@ class Guard(Feeder):
         # The last line of the feeder may be incomplete.
         self.send_line("")
         try:
+            self.follow()
             self.lose_sender()
             self.record.begun = True
             if self.state[STATE_PLAYING]:
                 # Each of the two counts may lack the last row.
                 self.sent = max(self.device.take_over(), self.state[STATE_SENT])
+                self.hold_until(self.sent)
                 self.playing = True
-                for k, rows in self.stops.items():
-                    self.device.take_limits(self.rows[max(k - 2, 0) : k] + rows, new=False)
+                self.device.take_limits(self.rows[max(self.sent - 2, 0) :], new=False)
                 self.loop()
         except DeviceError as error:
             self.send_line("F", str(error).replace("\n", " | "))

@@ -1,0 +1,416 @@
+"""Rows of a motion whose override changes: computed chunk by chunk, each of which ends at rest.
+
+A chunk replaces the rows from a cycle on. It leads on at the wanted override for some time and then
+stops on the path. The next chunk replaces the stop before it begins. If no further chunk comes, the
+robot executes the stop, whatever has failed.
+
+The set-points of each chunk are compensated anew, because those of a slower motion differ from
+slower set-points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.control.compensation import CompensationOptions
+from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.sampled_data import interpolate
+from armcontour.motion import SetPoints, Trajectory
+from armcontour.planning.override import Pace
+from armcontour.planning.override_ramps import override_of
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import ServoSimulation, command_weights
+
+# Duration of the rest that is appended to a motion: the joints settle and the last samples arrive
+# [s].
+FINAL_REST = 1.0
+# Tolerance between the rows of a chunk and those before it, which stay [rad].
+SAME_ROW = 1e-7
+# First guess: the compensation looks ahead by this number of set-points. It is doubled until the
+# rows before a chunk no longer change.
+FORESIGHT = 16
+# Maximum number of set-points by which the compensation may look ahead.
+LONGEST_FORESIGHT = 256
+# A local compensation is computed from this time before a chunk on [s], and from at least so many
+# time constants of the servo: an earlier motion has no effect.
+COMPENSATED_TIME = 5.5
+MEMORY = 36.0
+# Learned corrections fade out in this time if the override is not 100 %, and in if it is [s].
+CORRECTION_FADING = 0.2
+# Rates that differ less from 1 are 1.
+FULL_RATE = 1e-9
+# Rows of this time before a chunk are compared with those of the chunk before [s].
+COMPARED_TIME = 0.3
+# Rounding error of a number of cycles.
+SAME_COUNT = 1e-9
+# Cycles that differ by less than this [s] are equal.
+SAME_CYCLE = 1e-12
+
+
+def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
+    """Sample set-points at a controller's cycles [rad], (n, dof), with a rest at the end.
+
+    Args:
+        set_points: The set-points.
+        cycle: Cycle of the controller [s].
+        interpolation: Interpolation between set-points, as in `ServoModel`.
+    """
+    q = set_points.q
+    rest = np.repeat(q[-1:], round(FINAL_REST / cycle), axis=0)
+    count = row_count(len(q), set_points.cycle, cycle)
+    t = np.asarray(np.arange(count) * cycle, dtype=np.float64)
+    return np.concatenate([sample_rows(q, set_points.cycle, interpolation, t), rest])
+
+
+def row_count(set_points: int, set_point_cycle: float, cycle: float) -> int:
+    """Return the number of a controller's cycles in which set-points are executed."""
+    if abs(set_point_cycle - cycle) < SAME_CYCLE:
+        return set_points
+    return len(np.arange(0.0, (set_points - 1) * set_point_cycle + cycle / 2, cycle))
+
+
+def sample_rows(
+    q: FloatArray, set_point_cycle: float, interpolation: str, t: FloatArray
+) -> FloatArray:
+    """Sample set-points at times since the first one [rad], (n, dof)."""
+    phase = t / set_point_cycle
+    nearest = np.rint(phase)
+    if np.abs(phase - nearest).max(initial=0.0) < SAME_CYCLE / set_point_cycle:
+        return np.asarray(q[np.minimum(nearest.astype(int), len(q) - 1)])
+    index, weight = command_weights(len(q), set_point_cycle, interpolation, t)
+    return np.asarray(np.einsum("nk,nkj->nj", weight, q[index]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chunk:
+    """Rows of a motion from a cycle on, which end at rest.
+
+    Args:
+        k: The first cycle, counted from 0.
+        q: Joint positions [rad], (n, dof).
+        predicted: Measured positions that are expected [rad], (n, dof).
+        plan_time: Time of the plan [s], (n,).
+        rate: Override with which the plan is executed, (n,).
+        correction: Weight of learned corrections, (n,).
+        brake: Cycle from which on the stop at the end can no longer be replaced.
+        pace: The motion through the plan.
+        ends: Whether the motion ends with these rows; otherwise another chunk can follow the rest.
+        braked: Whether the stop of the chunk before had begun.
+    """
+
+    k: int
+    q: FloatArray
+    predicted: FloatArray
+    plan_time: FloatArray
+    rate: FloatArray
+    correction: FloatArray
+    brake: int
+    pace: Pace
+    ends: bool
+    braked: bool = False
+
+    def rows_between(self, first: int, end: int) -> FloatArray:
+        """Return the rows of some cycles [rad], (end - first, dof); after the end it rests."""
+        return np.asarray(self.q[np.clip(np.arange(first, end) - self.k, 0, len(self.q) - 1)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Window:
+    """Set-points near a chunk, from which the measured positions are predicted.
+
+    Args:
+        set_points: The set-points; their trajectory begins with the window.
+        t: Times of the rows of the chunk since the first set-point [s], (n,).
+        q: The rows [rad], (n, dof).
+        plan_time: Time of the plan [s], (n,).
+    """
+
+    set_points: SetPoints
+    t: FloatArray
+    q: FloatArray
+    plan_time: FloatArray
+
+
+# Returns the expected measured positions of the rows of a window [rad], (n, dof).
+Prediction = Callable[[Window], FloatArray]
+
+
+def predict_commands(window: Window) -> FloatArray:
+    """Predict that the joints are at their commands."""
+    return window.q
+
+
+def predict_plan(plan: Trajectory) -> Prediction:
+    """Make the prediction that the joints follow a plan."""
+    return lambda window: plan.with_rests(window.plan_time)
+
+
+def predict_servo(
+    servo: ServoModel, dof: int, t: FloatArray, differences: FloatArray
+) -> Prediction:
+    """Make the prediction by a simulation of the servos.
+
+    - `t`, `differences`: differences of the predicted positions from this simulation [rad],
+      (n, dof), at times of the plan [s], (n,).
+    """
+    model = servo.for_joints(dof)
+
+    def predict(window: Window) -> FloatArray:
+        set_points = window.set_points
+        cycle = set_points.cycle
+        missing = math.ceil(float(window.t[-1]) / cycle) + 3 - len(set_points.q)
+        rest = np.repeat(set_points.q[-1:], max(missing, 0), axis=0)
+        simulation = ServoSimulation(np.concatenate([set_points.q, rest]), cycle, model)
+        # The joints start on the plan. The transient of this error has decayed at the chunk.
+        start, speed = set_points.trajectory.motion_with_rests(np.zeros(1), 1)
+        later = window.t[window.t > 0.0]
+        states = simulation.run_at(np.append(0.0, later), (start[0], speed[0], np.zeros(dof)))
+        at_start = np.repeat(start, len(window.t) - len(later), axis=0)
+        measured = np.concatenate([at_start, states.states[:, :, 0].T])
+        return np.asarray(measured + interpolate(window.plan_time, t, differences))
+
+    return predict
+
+
+class RollingRows:
+    """Computes the chunks of a motion.
+
+    Args:
+        set_points: The set-points of the plan at full speed; learned ones keep their corrections,
+            which fade out while the override is not 100 %.
+        servo: The servo model of the compensation.
+        options: Options of the compensation.
+        arm: The arm.
+        cycle: Cycle of the controller [s].
+        predict: Predicts the measured positions.
+        for_play: Whether the plan was made with `PlanOptions.for_play`.
+    """
+
+    def __init__(
+        self,
+        set_points: SetPoints,
+        servo: ServoModel,
+        options: CompensationOptions,
+        arm: Arm,
+        cycle: float,
+        predict: Prediction = predict_commands,
+        *,
+        for_play: bool = False,
+    ) -> None:
+        self.set_points = set_points
+        self.servo = servo
+        self.options = options
+        self.arm = arm
+        self.cycle = cycle
+        self.predict = predict
+        self.q = commands_at(set_points, cycle, servo.interpolation)
+        plan = set_points.trajectory
+        self._override = override_of(plan, cycle, for_play=for_play)
+        # If the robot has more dead time than its model, learned set-points start whole cycles
+        # earlier than the planned set-points. Row k of the learned set-points corresponds to row k
+        # of the planned set-points in any case.
+        planned = self._compensate(plan)
+        self._start_time = planned.start_time
+        sampled = commands_at(planned, cycle, servo.interpolation)
+        difference = self.q - sampled[np.minimum(np.arange(len(self.q)), len(sampled) - 1)]
+        self._corrections = difference if np.abs(difference).max() > SAME_ROW else None
+        self._memory = COMPENSATED_TIME
+        if options.is_local and options.command_limits is None:
+            slowest = servo.for_joints(plan.dof)
+            self._memory += MEMORY * float(slowest.lead[0].max(initial=0.0))
+            if slowest.ki.any():
+                self._memory += MEMORY / float(slowest.ki[slowest.ki > 0].min())
+        else:
+            self._memory = math.inf
+
+    def first(self, override: float, ahead: float = 0.0) -> Chunk:
+        """Compute the first chunk, from rest at the start of the plan.
+
+        Args:
+            override: The wanted override, 0 to 1.
+            ahead: Time until the first row that the next chunk can replace [s].
+
+        Raises:
+            InvalidInput: The override is not 0 to 1.
+        """
+        pace = self._override.begin(_checked(override), ahead + self._look_ahead(FORESIGHT))
+        window = self._window(pace, 0.0)
+        weight = 1.0 if override == 1.0 else 0.0
+        return self._chunk(pace, window, 0, weight, ends=False, braked=False)
+
+    def next(self, before: Chunk, k: int, override: float, *, ends: bool = False) -> Chunk:
+        """Compute the chunk that replaces the rows from a cycle on.
+
+        Args:
+            before: The chunk before, whose rows before k stay.
+            k: The cycle, not before `before.k`.
+            override: The wanted override, 0 to 1.
+            ends: Whether the motion ends with the rest of this chunk.
+
+        Raises:
+            NotRealizable: Rows before k would have to change.
+            InvalidInput: The override is not 0 to 1.
+        """
+        target = _checked(override)
+        weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
+        foresight = FORESIGHT
+        while foresight <= LONGEST_FORESIGHT:
+            t = k * self.cycle + self._start_time + self._look_ahead(foresight)
+            pace = self._override.change(before.pace, max(t, 0.0), target)
+            window = self._window(pace, t)
+            if self._keeps(window, before, k):
+                braked = before.rate.any() and t > before.pace.brake_time
+                return self._chunk(pace, window, k, weight, ends=ends, braked=bool(braked))
+            foresight *= 2
+        raise NotRealizable(
+            f"The set-points before cycle {k} depend on the motion after it, because the "
+            f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
+            "poles or wider command limits."
+        )
+
+    def _look_ahead(self, foresight: int) -> float:
+        """Return how long before a change of the motion set-points change [s].
+
+        - `foresight`: number of set-points by which the compensation looks ahead.
+        """
+        return float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
+
+    def _compensate(self, trajectory: Trajectory) -> SetPoints:
+        """Compute the set-points of a trajectory, with the plan's compensation."""
+        cycle = self.set_points.cycle
+        return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
+
+    def _window(self, pace: Pace, t: float) -> _Compensated:
+        """Compute the set-points of a motion that are needed from shortly before a time on [s]."""
+        cycle = self.set_points.cycle
+        first = max(math.floor((t - self._memory) / cycle), 0) if self._memory < math.inf else 0
+        scaling = pace.scaling
+        if not pace.is_complete:
+            # Near the end of a motion the compensation differs. A long rest keeps the rows before
+            # the rest and in its beginning independent of whether the motion goes on after it.
+            scaling = scaling.until(max(scaling.end, t) + 2 * FORESIGHT * cycle)
+        moving = scaling.since(first * cycle).trajectory(self.set_points.trajectory)
+        set_points = self._compensate(moving)
+        if abs(set_points.start_time - self._start_time) > SAME_ROW * cycle:
+            raise NotRealizable(
+                "The set-points of a slower motion start at another time than those of the plan."
+            )
+        return _Compensated(set_points, first * cycle)
+
+    def _sample(self, window: _Compensated, cycles: IntArray) -> FloatArray:
+        """Sample set-points at cycles of the controller [rad], (n, dof)."""
+        points = window.set_points
+        t = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
+        return sample_rows(points.q, points.cycle, self.servo.interpolation, t)
+
+    def _keeps(self, window: _Compensated, before: Chunk, k: int) -> bool:
+        """Return whether the rows before a cycle are those of the chunk before."""
+        first = max(k - round(COMPARED_TIME / self.cycle), before.k)
+        if first >= k:
+            return True
+        rows = self._sample(window, np.arange(first, k))
+        learned = self._learned(before, first, k)
+        return bool(np.abs(rows + learned - before.rows_between(first, k)).max() < SAME_ROW)
+
+    def _learned(self, before: Chunk, first: int, end: int) -> FloatArray | float:
+        """Return the learned corrections in rows of a chunk [rad], (end - first, dof)."""
+        if self._corrections is None:
+            return 0.0
+        i = np.clip(np.arange(first, end) - before.k, 0, len(before.q) - 1)
+        return self._correct(before.plan_time[i], before.correction[i])
+
+    def _correct(self, plan_time: FloatArray, weight: FloatArray) -> FloatArray:
+        """Return learned corrections [rad], (n, dof), by times of the plan [s] and weights."""
+        assert self._corrections is not None
+        indices = (plan_time - self._start_time) / self.cycle
+        number = np.arange(len(self._corrections), dtype=np.float64)
+        smooth = weight**3 * (10 - weight * (15 - 6 * weight))
+        return interpolate(indices, number, self._corrections) * smooth[:, None]
+
+    def _chunk(
+        self,
+        pace: Pace,
+        window: _Compensated,
+        k: int,
+        weight: float,
+        *,
+        ends: bool,
+        braked: bool,
+    ) -> Chunk:
+        """Make the chunk of a motion from a cycle on.
+
+        - `weight`: weight of learned corrections in the row before.
+        """
+        points = window.set_points
+        ends = ends or pace.is_complete
+        duration = window.begin + (len(points.q) - 1) * points.cycle
+        count = math.ceil(duration / self.cycle + 0.5 - SAME_COUNT)
+        if ends:
+            count = max(count, k) + round(FINAL_REST / self.cycle)
+        cycles = np.arange(k, max(count, k + 1))
+        t = np.asarray(cycles * self.cycle + self._start_time, dtype=np.float64)
+        rate = pace.scaling(np.maximum(t, pace.scaling.begin), 1)
+        plan_time = _plan_clock(pace, t)
+        q = self._sample(window, cycles)
+        weights = np.ones(len(q))
+        if self._corrections is not None:
+            weights = _fade(rate >= 1 - FULL_RATE, weight, self.cycle / CORRECTION_FADING)
+            q = q + self._correct(plan_time, weights)
+        times = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
+        predicted = self.predict(Window(set_points=points, t=times, q=q, plan_time=plan_time))
+        return Chunk(
+            k=k,
+            q=q,
+            predicted=predicted,
+            plan_time=plan_time,
+            rate=rate,
+            correction=weights,
+            brake=math.floor((pace.brake_time - self._start_time) / self.cycle),
+            pace=pace,
+            ends=ends,
+            braked=braked,
+        )
+
+
+class _Compensated(NamedTuple):
+    """Set-points of the part of a motion that begins at a time of the rows [s]."""
+
+    set_points: SetPoints
+    begin: float
+
+
+def _checked(override: float) -> float:
+    """Refuse an override that is not 0 to 1."""
+    value = float(override)
+    if not 0.0 <= value <= 1.0:
+        raise InvalidInput(f"The override must be 0 to 1 (100 %), but is {value:g}.")
+    return value
+
+
+def _plan_clock(pace: Pace, t: FloatArray) -> FloatArray:
+    """Return the plan's time [s], which goes on before the start and after the end of the plan."""
+    scaling = pace.scaling
+    before = np.minimum(t - scaling.begin, 0.0)
+    after = np.maximum(t - scaling.end, 0.0) if pace.is_complete else 0.0
+    return np.asarray(scaling(t) + before + after)
+
+
+def _fade(is_full: BoolArray, weight: float, step: float) -> FloatArray:
+    """Return weights that change towards 1 in full rows and towards 0 in others, (n,).
+
+    - `weight`: weight of the row before.
+    - `step`: change per row.
+    """
+    weights = np.empty(len(is_full))
+    for i, full in enumerate(is_full.tolist()):
+        weight = min(weight + step, 1.0) if full else max(weight - step, 0.0)
+        weights[i] = weight
+    return weights
