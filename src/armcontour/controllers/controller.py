@@ -53,6 +53,7 @@ EVENTS = {
     "A": "The next stop was not ready in time, so the feeder executed the previous one.",
     "V": "A process of the feeder ended or halted, and the other one stopped the motion.",
     "N": "The feeder could not write its record ({}), and stopped the motion.",
+    "C": "The speed slider was set to {} %, so the feeder stopped the motion. Set it to 100 %.",
     "U": (
         "The controller had no set-point for cycle {}, because the feeder halted or came late. It "
         "braked the joints off the path, and the motion ended."

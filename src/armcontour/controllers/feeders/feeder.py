@@ -24,7 +24,8 @@ measured` a sample of the controller's clock, k is -1 between motions; `X k` a s
 `D` the motion has ended; `A` no later stop has come, so the last one is taken; `W` no sign of life,
 so the next stop is taken; `V` the sender or a process of the feeder is gone, so the next stop is
 taken; `N reason` the record cannot be written, so the next stop is taken; `U k` the controller had
-no row for cycle k, so it ended the motion by itself; `L t` if the feeder is gone, the controller
+no row for cycle k, so it ended the motion by itself; `C p` the speed slider of the controller was
+set to p %, so the next stop is taken; `L t` if the feeder is gone, the controller
 has stopped the joints after the time t [s]; `F message` the controller failed.
 """
 
@@ -545,11 +546,11 @@ def new_record() -> Record:
     return Record(sys.argv[1], float(sys.argv[2]))
 
 
-def main(device: Device) -> None:
-    """Run a feeder; the first two command-line arguments are those of its record."""
+def main(device: Device, kind: type[Feeder] = Feeder) -> None:
+    """Run a feeder of a kind; the first two command-line arguments are those of its record."""
     # A garbage collection can take longer than a cycle. The loop creates no cyclic garbage.
     gc.disable()
-    Feeder(device, new_record(), take_stdout()).run()
+    kind(device, new_record(), take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:
