@@ -407,6 +407,7 @@ class Controller:
         notes: list[str] = []
         # Number of samples whose deviation was checked.
         checked = first_sample
+        has_begun = False
         is_stopping = False
         deviation = ""
         try:
@@ -419,6 +420,10 @@ class Controller:
                 channel.send([""])
                 rows = channel.samples[checked:]
                 checked += len(rows)
+                if not has_begun:
+                    # Samples before the first set-point belong to the motion before.
+                    rows = rows[next((i for i, x in enumerate(rows) if x[1] == 0), len(rows)) :]
+                    has_begun = bool(rows)
                 if rows:
                     stops.played = max(stops.played, int(rows[-1][1]))
                 # After a stop by the feeder itself, joints deviate from their predictions.
