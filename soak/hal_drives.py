@@ -23,15 +23,18 @@ POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350
 TOLERANCE = 5e-3
 
 
-def follow(command: np.ndarray) -> np.ndarray:
-    """Return joint positions [rad], (n, dof), of joints with two `pid` and two `integ` each."""
+def follow(command: np.ndarray, cycle: float = CYCLE) -> np.ndarray:
+    """Return joint positions [rad], (n, dof), of joints with two `pid` and two `integ` each.
+
+    `cycle`: cycle of the thread [s].
+    """
     q = command[0].copy()
     v = np.zeros(command.shape[1])
     found = []
     for u in command:
         found.append(q.copy())
-        v = v + CYCLE * np.clip(KV * (KP * (u - q) - v), -LIMIT, LIMIT)
-        q = q + CYCLE * v
+        v = v + cycle * np.clip(KV * (KP * (u - q) - v), -LIMIT, LIMIT)
+        q = q + cycle * v
     return np.array(found)
 
 

@@ -33,7 +33,7 @@ GROUPS = {
         *("process.pierce", "process.tabs", "process.weave", "process"),
     ),
     "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload"),
-    "Arm and limits": ("arm", "limits", "seed", "command_limits"),
+    "Arm and limits": ("arm", "limits", "seed", "start_from", "command_limits"),
     "Layers and order": (
         *("path.layers", "process.by_layer", "process.order"),
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),

@@ -66,7 +66,7 @@ class Simulated(Controller):
         override: Callable[[], float] = lambda: 1.0,
         show: Callable[[float], None] = lambda plan_time: None,
     ) -> PlayedMotion:
-        """Play a motion; `stop_requested` is asked in every cycle, and `override` for each chunk."""
+        """Play a motion; asks `stop_requested` in every cycle, and `override` for each chunk."""
         self._check_motion(motion)
         self.motions.append(motion)
         sent = Sent(motion, self.cycle, override)

@@ -65,9 +65,9 @@ def controller(**changes):
     return LinuxCNC(drives=SERVO.replace(**{"acceleration_limit": ACCELERATION, **changes}))
 
 
-def commands(set_points):
+def commands(set_points, cycle=CYCLE):
     """Set-points at the thread's cycles by lines, and a rest."""
-    t = np.arange(0, set_points.cycle * (len(set_points.q) - 1), CYCLE)
+    t = np.arange(0, set_points.cycle * (len(set_points.q) - 1), cycle)
     times = np.arange(len(set_points.q)) * set_points.cycle
     q = np.column_stack([np.interp(t, times, x) for x in set_points.q.T])
     return np.concatenate([q, np.repeat(set_points.q[-1:], 300, axis=0)])
@@ -200,15 +200,16 @@ def test_a_wrong_start_and_swapped_joints_are_refused(job, planned, refuses):
         ("cfg=fff\n", "cfg=ffff\n", ["loadrt streamer cfg=fff,", "2 joints", "complete HAL"]),
         ("cfg=fffff\n", "cfg=ffffff\n", ["loadrt sampler cfg=fffff,"]),
         ("net armcontour-enable armcontour-latch.ok-out", "", ["armcontour-enable"]),
-        ("period1=1000000", "period1=500000", ["500000 ns", "1000000 ns"]),
-        ("period1=1000000", "period1=2000000", ["2000000 ns", "1000000 ns"]),
-        # HAL makes 900000 ns of it.
-        (
-            "name1=servo period1=1000000",
-            "name1=base period1=300000 name2=servo period2=1000000",
-            ["900000 ns", "multiple"],
-        ),
+        ("period1=1000000", "period1=100000", ["100000 ns", "between 250000 and 10000000 ns"]),
+        ("period1=1000000", "period1=20000000", ["20000000 ns", "between 250000 and 10000000"]),
         ("addf sampler.0 servo", "addf sampler.0 slow", ["sampler.0", "addf sampler.0 servo"]),
+        ("addf streamer.0 servo", "", ["streamer.0", "addf streamer.0 servo"]),
+        (
+            "addf sampler.0 servo",
+            "loadrt threads name2=slow period2=2000000\naddf sampler.0 slow",
+            ["2000000 ns", "1000000 ns", "the same thread"],
+        ),
+        ("streamer depth=4000", "streamer depth=300", ["300 rows", "depth=4000"]),
     ],
 )
 def test_an_incomplete_or_different_hal_file_is_refused(job, tmp_path, refuses, old, new, words):
@@ -218,6 +219,77 @@ def test_an_incomplete_or_different_hal_file_is_refused(job, tmp_path, refuses, 
     file.write_text(HAL.replace(old, new), encoding="utf-8")
     q = np.zeros((2, 2))
     refuses(lambda: LinuxCNC(file).check(job.arm, job.arm.limits, q), ControllerRefused, *words)
+
+
+@pytest.mark.parametrize(
+    ("periods", "cycle"),
+    [
+        ("name1=servo period1=500000", 0.5e-3),
+        ("name1=servo period1=833333", 0.833333e-3),
+        ("name1=servo period1=4000000", 4e-3),
+        # HAL makes a multiple of the first period of it.
+        ("name1=base period1=300000 name2=servo period2=1000000", 0.9e-3),
+    ],
+)
+def test_the_cycle_is_the_period_of_the_thread_of_the_hal_file(job, tmp_path, periods, cycle):
+    file = tmp_path / "machine.hal"
+    file.write_text(HAL.replace("name1=servo period1=1000000", periods), encoding="utf-8")
+    on = LinuxCNC(file)
+    assert on.cycle == pytest.approx(cycle, rel=1e-12)
+    assert on.check(job.arm, job.arm.limits, np.zeros((2, 2)))
+
+
+def test_periods_of_simulated_drives_are_checked(tmp_path, refuses):
+    assert LinuxCNC(drives=SERVO).cycle == 1e-3
+    assert LinuxCNC(drives=SERVO, cycle=1 / 1200).cycle == pytest.approx(833333e-9, rel=1e-12)
+    for cycle in (0.2e-3, 11e-3, -1.0, np.nan):
+        refuses(lambda cycle=cycle: LinuxCNC(drives=SERVO, cycle=cycle), ac.InvalidInput, "cycle")
+    file = tmp_path / "machine.hal"
+    file.write_text(HAL, encoding="utf-8")
+    refuses(lambda: LinuxCNC(file, cycle=1e-3), ac.InvalidInput, "HAL file", "cycle")
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("cycle", [0.5e-3, 833333e-9, 2e-3, 4e-3])
+def test_simulated_drives_move_with_other_periods(job, planned, cycle):
+    """A motion, and one that is stopped on its path."""
+    u = commands(planned.set_points, cycle)
+
+    def play_once():
+        with LinuxCNC(drives=SERVO.replace(acceleration_limit=ACCELERATION), cycle=cycle) as on:
+            on.connect(job.arm, u[0])
+            return on.stream(Motion(q=u))
+
+    record = undisturbed(play_once)
+    assert record.faithful, record.notes
+    assert record.stopped is None and np.array_equal(record.command[: len(u)], u)
+    assert record.t[: len(u)] == pytest.approx(np.arange(len(u)) * cycle, abs=1e-9)
+    np.testing.assert_allclose(record.measured[: len(u)], follow(u, cycle), rtol=0, atol=1e-12)
+
+    def stop_once():
+        on = LinuxCNC(drives=SERVO.replace(acceleration_limit=ACCELERATION), cycle=cycle)
+        return play(job, on, execute=True, override=1.0, stop_requested=Later(3)).record
+
+    stopped = undisturbed(stop_once)
+    assert stopped.faithful and stopped.stopped is not None, stopped.notes
+    assert np.abs(stopped.measured[-1] - stopped.command[-1]).max() < 1e-6
+    path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=2e-3)
+    tool = job.arm.tool_position(stopped.command)
+    assert path.project(tool[-1:]).distance.max() < 5e-6
+
+
+@needs_linuxcnc
+def test_the_thread_period_is_an_option_of_commands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
+    (tmp_path / "machine.hal").write_text(HAL, encoding="utf-8")
+    words = ["play", "job.yaml", "--on", "linuxcnc", "--thread-period"]
+    code, printed, errors = run_command([*words, "2 ms"])
+    assert code == 0, errors
+    assert "Dry run" in printed
+    for wrong in (["2"], ["20 ms"], ["2 ms", "--hal", "machine.hal"]):
+        code, _, errors = run_command([*words, *wrong])
+        assert code == 2 and ("period" in errors or "cycle" in errors)
 
 
 @pytest.mark.parametrize("name", ["play", "identify", "learn"])

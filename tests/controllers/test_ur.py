@@ -172,3 +172,21 @@ def test_a_program_without_its_next_row_stops_and_does_not_resume(arm, double):
     assert (record.command[end:] == part.q[end - 1]).all()
     assert not record.faithful
     assert any("no set-point for cycle" in x for x in record.notes)
+
+
+def test_a_moved_speed_slider_stops_the_motion_on_its_path(arm, double):
+    """From cycle 20 on, a row takes two cycles; the joints move on a straight line."""
+    address, _ = double("slowed_at=20")
+    part = motion(arm, START, START + np.linspace(0.3, 0.8, 6))
+    with Ur(address) as robot:
+        robot.connect(arm, START)
+        record = robot.stream(part)
+        assert record.stopped is not None and 20 < record.stopped < len(part.q)
+        assert np.array_equal(robot.position(), record.command[-1])
+        assert any("50 %" in x for x in record.notes)
+        assert np.abs(record.command[-1] - START).max() < np.abs(part.q[-1] - START).max() - 0.01
+        share = (record.command - START) / np.linspace(0.3, 0.8, 6)
+        assert np.ptp(share, axis=1).max() < 1e-9
+        assert (record.command[-2:] == record.command[-1]).all()
+        with pytest.raises(ControllerLost, match="the speed slider is at 50 %"):
+            robot.stream(Motion(q=np.repeat(record.command[-1:], 10, axis=0)))

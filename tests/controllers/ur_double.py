@@ -6,8 +6,8 @@ depends on time; with `paced` a cycle also takes 2 ms. URScript's `end` and Pyth
 make programs of this kind Python, so the double executes the text that it gets.
 
 Words such as `safety_mode=3` set a variable, `used=input_int_register_24` is another client's, and
-`stopped_at=100` makes a protective stop in cycle 100 of a motion, and from cycle `missing_at=100`
-on the program gets no inputs.
+`stopped_at=100` makes a protective stop in cycle 100 of a motion, from cycle `slowed_at=100` on the
+speed slider is at 50 %, and from cycle `missing_at=100` on the program gets no inputs.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ class Double:
         self.paced = paced
         self.used = used
         self.stopped_at = state.pop("stopped_at", float("inf"))
+        self.slowed_at = state.pop("slowed_at", float("inf"))
         self.missing_at = state.pop("missing_at", float("inf"))
         self.values: dict[str, float] = dict.fromkeys(TYPES, 0)
         self.values |= {"robot_mode": 7, "safety_mode": 1, "runtime_state": 1}
@@ -112,14 +113,21 @@ class Double:
         return set_register
 
     def servoj(self, q, a, v, t, lookahead, gain) -> None:
-        """Move for one cycle, send the state, and wait for inputs."""
+        """Move to a row in one cycle, or more if the speed is scaled.
+
+        After each cycle, send the state and wait for inputs. UR's article "Trajectory improvements
+        for servoj()" states the number of cycles: at 50 %, a `servoj` of 2 ms takes 4 ms.
+        """
         assert (t, lookahead, gain) == (CYCLE, 0.1, 300.0)
+        if self.values["output_int_register_24"] >= self.slowed_at:
+            self.values["target_speed_fraction"] = 0.5
         self.target = list(q)
-        self.cycle()
-        if self.paced:
-            select.select([], [], [], CYCLE)
-        while self.values["output_int_register_24"] < self.missing_at and self.obey() != "U":
-            pass
+        for _ in range(round(1 / self.values["target_speed_fraction"])):
+            self.cycle()
+            if self.paced:
+                select.select([], [], [], CYCLE)
+            while self.values["output_int_register_24"] < self.missing_at and self.obey() != "U":
+                pass
 
     def cycle(self) -> None:
         """One cycle of the joints and of the outputs."""

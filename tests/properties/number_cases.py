@@ -316,6 +316,8 @@ BASES: list[dict[str, Any]] = [
     ),
     _with(PLANE, limits={"joint_jerk": 100.0}),
     _with(SPACE, seed=None) | {"seed": _BY_NAME},
+    _with(SPACE, seed=None) | {"start_from": {"joints": SPACE["seed"]}},
+    _with(SPACE, seed=None) | {"start_from": {"joints": _BY_NAME}},
     _path(start=[0.30, 0.20], segments=[_LINE]),
     _path(start=[0.30, 0.20], segments=[{"via": [0.32, 0.21], "to": [0.34, 0.20]}]),
     _path(start=[0.30, 0.20], segments=[{"center": [0.30, 0.23], "angle": 1.5}]),

@@ -121,6 +121,8 @@ class ControllerOptions:
         hal: HAL file of the machine (linuxcnc); by default joints are simulated.
         drives: File with the key servo, such as a servo.yaml, for the simulated joints (linuxcnc);
             by default the plant of the job. A dead time of one cycle is LinuxCNC's default loop.
+        thread_period: Period of the servo thread of simulated joints (linuxcnc), such as '2 ms'; by
+            default 1 ms. A HAL file states its own period.
         execute: Move the robot, after its name is typed on the terminal.
     """
 
@@ -128,6 +130,7 @@ class ControllerOptions:
     address: Text = None
     hal: File = None
     drives: File = None
+    thread_period: Annotated[Text, typer.Option("--thread-period")] = None
     execute: bool = False
 
 

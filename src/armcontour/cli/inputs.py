@@ -25,10 +25,11 @@ from typing import get_args
 from armcontour.core.quantities import Moment, read_quantity
 
 # Fields of options that require --on, and the end of the message.
-OF_CONTROLLER = ("execute", "drives", "hal", "address")
+OF_CONTROLLER = ("execute", "drives", "thread_period", "hal", "address")
 NEEDS_ON = "requires --on. Also specify a controller with --on."
 # Names of options that differ from those of their fields.
 OPTIONS = {"start": "from", "end": "to", "run_name": "run", "sets": "set"}
+OPTIONS |= {"thread_period": "thread-period"}
 
 
 def read_patch(options: Any) -> tuple[Patch, dict[str, str]]:

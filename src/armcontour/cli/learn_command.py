@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import threading
 from dataclasses import replace
 from functools import partial
@@ -179,10 +180,10 @@ def _robot_lines(result: RobotLearning, options: Learn) -> list[str]:
         return lines
     run = result.plan.run
     robot = ""
-    for name in ("address", "hal", "drives"):
+    for name in ("address", "hal", "drives", "thread_period"):
         value = getattr(options, name)
         if value is not None:
-            robot += f" --{name} {value}"
+            robot += f" --{name.replace('_', '-')} {shlex.quote(str(value))}"
     reserve = f"runs.{run.name}.timing.reserve='{run.timing.reserve * 100:g} %'"
     return [
         *lines,

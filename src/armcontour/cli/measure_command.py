@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from armcontour import files
 from armcontour.cli.command_execution import Outcome
 from armcontour.cli.commands import Measure
 from armcontour.cli.console import data_lines, table_lines
 from armcontour.cli.inputs import is_job, read_option, refuse_existing
 from armcontour.core import file_access
-from armcontour.core.checks import FloatArray, raise_if
+from armcontour.core.checks import raise_if
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import Length
 from armcontour.core.render import plain
 from armcontour.files.job_file import job_text
 from armcontour.files.job_patch import Patch
-from armcontour.files.measured_job import measured_job_text, part_patch, tool_patch, work_patch
+from armcontour.files.measured_job import (
+    measured_job_text,
+    measured_region,
+    part_patch,
+    tool_patch,
+    work_patch,
+)
 from armcontour.files.touch_file import Touches, read_touches
 from armcontour.jobs import Job
 from armcontour.robot.measurement import Measurement, measure_part, measure_tool
-
-# Maximum number of path points at which the expected error is computed.
-MAX_REGION = 200
 
 
 def measure(options: Measure, _: None, progress: Progress) -> Outcome:
@@ -71,16 +70,11 @@ def _measure(
             )
         tool = measure_tool(job.arm, touches.q, noise=noise)
         return tool, tool_patch(job, tool, text)
-    part = measure_part(job.arm, touches.points, touches.q, noise=noise, region=_region(job))
+    part = measure_part(
+        job.arm, touches.points, touches.q, noise=noise, region=measured_region(job)
+    )
     patch = work_patch(job, part) if options.target == "work" else part_patch(part)
     return part, patch
-
-
-def _region(job: Job) -> FloatArray:
-    """Return up to MAX_REGION points of the contours as drawn [m], (n, dimension)."""
-    drawn = job.program.placed(job.part.inverse)
-    points = np.concatenate([x.path.vertices for x in drawn.contours])
-    return np.asarray(points[:: math.ceil(len(points) / MAX_REGION)])
 
 
 def _residual_rows(measured: Measurement) -> list[tuple[str, str]]:

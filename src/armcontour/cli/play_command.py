@@ -22,7 +22,7 @@ from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, pla
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
-from armcontour.core.quantities import AngularDistance
+from armcontour.core.quantities import AngularDistance, Interval
 from armcontour.core.render import figure, number, plain
 from armcontour.core.text import capitalise
 from armcontour.files import ResultFolder
@@ -140,15 +140,18 @@ def controller_of(job: Job, options: ControllerOptions) -> Controller:
     hal = options.hal
     address = options.address
     drives = options.drives
+    period = options.thread_period
     if name == "linuxcnc":
         raise_if(address is not None, "--address is only allowed with --on franka or ur.")
         raise_if(None not in (hal, drives), "--drives is only allowed without --hal.")
+        raise_if(None not in (hal, period), "--thread-period is only allowed without --hal.")
         if hal is not None:
             return LinuxCNC(hal)
         servo = job.plant_servo if drives is None else read_servo(drives, job.arm.dof)
-        return LinuxCNC(drives=servo)
+        return LinuxCNC(drives=servo, cycle=read_option("--thread-period", period, Interval))
     raise_if(hal is not None, f"--hal is only allowed with --on linuxcnc, but --on is {name}.")
     raise_if(drives is not None, "--drives is only allowed with --on linuxcnc.")
+    raise_if(period is not None, "--thread-period is only allowed with --on linuxcnc.")
     if address is None:
         raise InvalidInput(f"--on {name} requires the robot's address. Specify it with --address.")
     if name == "ur":

@@ -64,6 +64,7 @@ EVENTS = {
     "W": "The feeder received nothing from the sending process, and stopped the motion.",
     "V": "A process of the feeder ended or halted, and the other one stopped the motion.",
     "N": "The feeder could not write its record ({}), and stopped the motion.",
+    "C": "The speed slider was set to {} %, so the feeder stopped the motion. Set it to 100 %.",
     "U": (
         "The controller had no set-point for cycle {}, because the feeder halted or came late. It "
         "braked the joints off the path, and the motion ended."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -16,6 +17,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.file_access import read_text
+from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.core.text import count_noun
 from armcontour.robot import Arm, Limits
@@ -49,6 +51,15 @@ SAFEGUARDS = {
 MACHINE_TIMEOUT = 0.1
 # The same for simulated drives, whose time is that of the thread [s].
 SIMULATED_TIMEOUT = 1.0
+# Duration of the rows in this FIFO, against pauses of this machine [s].
+FIFO_TIME = 0.3
+# Default period of the thread of simulated drives [s].
+DEFAULT_PERIOD = 1e-3
+# Shortest period of a servo thread [s]: the feeder sends a row and reads a sample per period.
+MIN_PERIOD = 0.25e-3
+# Longest period of a servo thread [s]: the thread must see each edge of the heartbeat, which has
+# one every 20 ms.
+MAX_PERIOD = 10e-3
 # Capacity of the FIFO from the feeder to the servo thread [rows].
 STREAMER_DEPTH = 4000
 # Capacity of the FIFO from the servo thread to the feeder [rows].
@@ -61,40 +72,58 @@ class LinuxCNC(Controller):
     It needs the Debian package `linuxcnc-uspace`; no real-time kernel.
 
     Args:
-        hal_file: HAL file of the machine. It loads a servo thread with the controller's cycle, a
-            `streamer` with a float for the cycle number and one per joint, a `limit3` per joint,
-            and a `sampler` with the cycle number, the commands and the measured positions [rad]. A
-            joint's command is the signal with the joint's name, with `-` in place of spaces. The
-            signal `armcontour-enable` enables the drives, which ignore their command before.
+        hal_file: HAL file of the machine. It loads a servo thread, whose period becomes the
+            controller's cycle and is between 0.25 and 10 ms, a `streamer` with a float for the
+            cycle number and one per joint, a `limit3` per joint, and a `sampler` with the cycle
+            number, the commands and the measured positions [rad]. A joint's command is the signal
+            with the joint's name, with `-` in place of spaces. The signal `armcontour-enable`
+            enables the drives, which ignore their command before.
         drives: Servo of simulated drives, in place of a HAL file. HAL's `pid` computes position and
             velocity loops with the model's gains and integrators; two integrators turn its output
             into positions. The model, else the arm, limits the accelerations. If the model has a
             dead time of one cycle, `pid` uses `error-previous-target`, LinuxCNC's default.
+        cycle: Period of the thread of simulated drives [s], between 0.25 and 10 ms, rounded to
+            nanoseconds; by default 1 ms. A HAL file states its own period.
 
     Raises:
-        InvalidInput: Neither a HAL file nor drives are given, or both.
+        InvalidInput: Neither a HAL file nor drives are given, or both; a cycle with a HAL file, or
+            out of range.
+        ControllerRefused: The HAL file has no thread with a suitable period for the streamer and
+            the sampler.
     """
 
     name = "linuxcnc"
-    # The FIFO holds 0.3 s, against pauses of this machine.
-    ahead = 300
     clean_up = (RTAPI, "exit")
 
     @checks.explained
     def __init__(
-        self, hal_file: str | FilePath | None = None, *, drives: ServoModel | None = None
+        self,
+        hal_file: str | FilePath | None = None,
+        *,
+        drives: ServoModel | None = None,
+        cycle: float | None = None,
     ) -> None:
         super().__init__()
         if (hal_file is None) == (drives is None):
             raise InvalidInput("LinuxCNC needs either a HAL file or drives to simulate.")
         self.hal_file = None if hal_file is None else FilePath(hal_file)
+        if self.hal_file is None:
+            self.cycle = _simulated_cycle(cycle)
+        else:
+            if cycle is not None:
+                raise InvalidInput(
+                    "The period of the thread is stated by the HAL file. Remove the cycle, which "
+                    "is only for simulated drives."
+                )
+            self.cycle = _file_cycle(self.hal_file)
+        self.ahead = math.ceil(FIFO_TIME / self.cycle)
         self.drives = drives
         self.simulates = drives is not None
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare joints with the HAL file, or report the limits of the simulated drives."""
         if self.hal_file is not None:
-            _check_file(self.hal_file, arm, round(self.cycle * 1e9))
+            _check_file(self.hal_file, arm, self.ahead)
             return [Row("joints", list(arm.joint_names), "", "joints of the HAL file")]
         assert self.drives is not None
         accelerations = list(_accelerations(self.drives, arm))
@@ -136,15 +165,72 @@ def _own_ipc() -> list[str]:
     return [] if failed else command
 
 
-def _check_file(file: FilePath, arm: Arm, period: int) -> None:
-    """Compare the joints and the period of a HAL file with those of arm and set-points.
+def _simulated_cycle(cycle: float | None) -> float:
+    """Return the period of a thread of simulated drives in whole nanoseconds [s].
 
-    `period`: interval of the set-points [ns].
+    Raises:
+        InvalidInput: The cycle is out of range.
+    """
+    if cycle is None:
+        return DEFAULT_PERIOD
+    cycle = checks.check_range("cycle", cycle, MIN_PERIOD, MAX_PERIOD, "s")
+    return round(cycle * 1e9) * 1e-9
+
+
+def _hal_lines(file: FilePath) -> str:
+    """Read a HAL file without its comments, and with single spaces."""
+    return re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
+
+
+def _file_cycle(file: FilePath) -> float:
+    """Return the period of the thread that a HAL file gives the streamer and the sampler [s].
+
+    Raises:
+        ControllerRefused: They have no thread or different ones, or the period is out of range.
+    """
+    text = _hal_lines(file)
+    threads = dict(re.findall(r"^ ?addf (streamer|sampler)\.0 (\S+)", text, re.M))
+    periods = {x: _thread_period(text, threads.get(x)) for x in ("streamer", "sampler")}
+    for component, period in periods.items():
+        if not period:
+            raise ControllerRefused(
+                f"In {file.name}, the thread of {component}.0 has no period. {file.name} needs "
+                f"lines such as loadrt threads name1=servo period1=1000000 and addf {component}.0 "
+                f"servo. {HAL_FILE_HINT}"
+            )
+    period = periods["streamer"]
+    if period != periods["sampler"]:
+        raise ControllerRefused(
+            f"In {file.name}, the thread of sampler.0 has a period of {periods['sampler']} ns, but "
+            f"that of streamer.0 has {period} ns. Add both to the same thread."
+        )
+    if not MIN_PERIOD <= period * 1e-9 <= MAX_PERIOD:
+        raise ControllerRefused(
+            f"In {file.name}, the thread of streamer.0 has a period of {period} ns, but it must be "
+            f"between {MIN_PERIOD * 1e9:.0f} and {MAX_PERIOD * 1e9:.0f} ns. Add streamer.0 and "
+            "the components of armcontour to another thread."
+        )
+    return period * 1e-9
+
+
+def _thread_period(text: str, thread: str | None) -> int:
+    """Return the period of a thread of a HAL file [ns]; 0 if the file does not load it."""
+    numbers = {name: x for x, name in re.findall(r"\bname(\d)=(\S+)", text)}
+    periods = {x: int(y) for x, y in re.findall(r"\bperiod(\d)=(\d+)", text)}
+    base_period = periods.get("1", 0)
+    # HAL rounds each period to a multiple of the first one.
+    return round(periods.get(numbers.get(thread), 0) / max(base_period, 1)) * base_period
+
+
+def _check_file(file: FilePath, arm: Arm, ahead: int) -> None:
+    """Compare the joints and the FIFO of a HAL file with those of arm and feeder.
+
+    `ahead`: number of rows that the FIFO must hold.
 
     Raises:
         ControllerRefused: They differ.
     """
-    text = re.sub(r"[ \t]+", " ", re.sub(r"#.*", "", read_text(file, "HAL file")))
+    text = _hal_lines(file)
     dof = arm.dof
     for pattern, line in _required_lines(arm):
         if not re.search(rf"^ ?{pattern}", text, re.M):
@@ -152,21 +238,12 @@ def _check_file(file: FilePath, arm: Arm, period: int) -> None:
                 f"{file.name} has no line such as {line}, which the "
                 f"{count_noun(dof, 'joint')} of {arm.name} need. {HAL_FILE_HINT}"
             )
-    numbers = {name: x for x, name in re.findall(r"\bname(\d)=(\S+)", text)}
-    periods = {x: int(y) for x, y in re.findall(r"\bperiod(\d)=(\d+)", text)}
-    threads = dict(re.findall(r"^ ?addf (streamer|sampler)\.0 (\S+)", text, re.M))
-    for component in ("streamer", "sampler"):
-        # HAL rounds each period to a multiple of the first one.
-        base_period = periods.get("1", 0)
-        thread_period = periods.get(numbers.get(threads.get(component)), 0)
-        actual = round(thread_period / max(base_period, 1)) * base_period
-        if actual != period:
-            stated = f"a period of {actual} ns, a multiple of period1" if actual else "no period"
-            raise ControllerRefused(
-                f"In {file.name}, the thread of {component}.0 has {stated}, but set-points are "
-                f"sent every {period} ns, as in loadrt threads name1=servo period1={period} and "
-                f"addf {component}.0 servo."
-            )
+    depth = re.search(r"^ ?loadrt streamer .*\bdepth=(\d+)", text, re.M)
+    if depth is not None and int(depth[1]) <= ahead:
+        raise ControllerRefused(
+            f"In {file.name}, the streamer has a depth of {depth[1]} rows, but must hold more "
+            f"than {ahead}, which are {number(FIFO_TIME, 's')}. Write depth={STREAMER_DEPTH}."
+        )
 
 
 def _required_lines(arm: Arm) -> Iterator[tuple[str, str]]:

@@ -153,18 +153,24 @@ def job_of(
     return assemble_job(model, arm, path, scene)
 
 
-def _joint_positions(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
-    """Return the key `seed` as positions in the order of the arm's joints [rad], (dof,)."""
-    if isinstance(seed, list):
-        with error_context("", "seed"):
-            return checks.per_joint("seed", seed, arm.dof, "rad")
-    if set(seed) != set(arm.joint_names):
+def _joint_positions(positions: list[float] | dict[str, float], arm: Arm, *keys: str) -> FloatArray:
+    """Return positions of a key in the order of the arm's joints [rad], (dof,).
+
+    - `positions`: a list, or positions by the names of the joints.
+    - `keys`: path of the key.
+    """
+    key = key_text(keys)
+    if isinstance(positions, list):
+        with error_context("", *keys):
+            return checks.per_joint(key, positions, arm.dof, "rad")
+    if set(positions) != set(arm.joint_names):
         raise ArmMismatch(
-            f"seed names the joints {', '.join(map(show, seed))}, but the joints of {arm.name} are "
-            f"{', '.join(arm.joint_names)}. Name each of these joints once, or write a list.",
-            key=("seed",),
+            f"{key} names the joints {', '.join(map(show, positions))}, but the joints of "
+            f"{arm.name} are {', '.join(arm.joint_names)}. Name each of these joints once, or "
+            "write a list.",
+            key=keys,
         )
-    return np.array([seed[x] for x in arm.joint_names])
+    return np.array([positions[x] for x in arm.joint_names])
 
 
 def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
@@ -183,7 +189,10 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     servo = _servo("servo", model.servo, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_name(("certificate", "run"), model.certificate.run, model)
-    seed = None if model.seed is None else _joint_positions(model.seed, arm)
+    seed = None if model.seed is None else _joint_positions(model.seed, arm, "seed")
+    start = None
+    if model.start_from is not None:
+        start = _joint_positions(model.start_from.joints, arm, "start_from", "joints")
     configuration = None
     if seed is not None and isinstance(arm, PlanarTwoLink):
         configuration = arm.configuration_of(seed)
@@ -196,6 +205,7 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         process=process,
         configuration=configuration,
         seed=seed,
+        start_from=start,
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
         runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),

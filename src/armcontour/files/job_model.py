@@ -238,6 +238,18 @@ class PathModel(ReadOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StartModel:
+    """A taught position from which the motion begins.
+
+    Args:
+        joints: Joint positions [rad], in the order of the joints or by their names; linear axes in
+            m, without a unit.
+    """
+
+    joints: list[Angle] | dict[str, Angle]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CommandLimitsModel:
     """Limits of the set-points; compensation moves set-points to the nearest ones within them.
 
@@ -309,6 +321,8 @@ class JobModel(SharedModel):
             to the job file, or a mapping.
         seed: Joint positions near the start configuration [rad], in the order of the joints or by
             their names; by default the configuration with the fastest motion along the path.
+        start_from: A taught position. The motion begins there with a rapid in joint space, and the
+            first contour has its configuration. By default the motion begins at the first contour.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
@@ -327,6 +341,7 @@ class JobModel(SharedModel):
     title: str | None = None
     arm: str | ArmModel
     seed: list[Angle] | dict[str, Angle] | None = None
+    start_from: StartModel | None = None
     path: PathModel
     process: Process | None = None
     accuracy: Distance | None = None

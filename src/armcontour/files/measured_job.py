@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.yaml_loader import load
@@ -19,6 +21,15 @@ from armcontour.robot.measurement import MeasuredPart, MeasuredTool
 
 # Keys of a rotation in a frame of a job file.
 ROTATIONS = ("rpy", "quaternion")
+# Maximum number of path points at which the expected error is computed.
+MAX_REGION = 200
+
+
+def measured_region(job: Job) -> FloatArray:
+    """Return up to MAX_REGION points of the contours as drawn [m], (n, dimension)."""
+    drawn = job.program.placed(job.part.inverse)
+    points = np.concatenate([x.path.vertices for x in drawn.contours])
+    return np.asarray(points[:: math.ceil(len(points) / MAX_REGION)])
 
 
 def part_patch(measured: MeasuredPart) -> Patch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -10,12 +11,15 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import list_some, show
+from armcontour.core.quantities import Quantity, read_quantity
+from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, Title, read_table
 from armcontour.files.joint_table import SI, read_csv_text, read_joint_title
 from armcontour.robot import Arm
 
 POINT = ("x", "y", "z")
+# Kinds of typed values, by the unit of those without a unit.
+KINDS = {"mm": Quantity("m", "5 mm"), "deg": Quantity("rad", "90 deg")}
 OPTION = "--columns"
 
 
@@ -77,6 +81,99 @@ def read_touches(file: str | FilePath, arm: Arm, columns: str | None = None) -> 
         q=values[:, count:],
         notes=tuple(notes),
     )
+
+
+def read_typed(name: str, text: str, unit: str) -> float:
+    """Read a typed value in SI units.
+
+    - `name`: name of the value, for the message.
+    - `text`: number, or quantity with a unit.
+    - `unit`: unit of a number, mm or deg.
+
+    Raises:
+        InvalidInput: The text is no such quantity.
+    """
+    value = text if plain_number(text) is None else f"{text} {unit}"
+    try:
+        return read_quantity(value, KINDS[unit])
+    except ValueError as error:
+        raise InvalidInput(f"{name} {error}.") from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchColumn:
+    """A column of a table in which touches are typed."""
+
+    name: str  # Coordinate of the point in the drawing, or name of the joint
+    label: str  # Short name, as in the titles of a file: x, y, z, or q1, q2, ...
+    unit: str  # Unit of values without a unit: mm or deg
+
+    def read(self, text: str, number: int) -> float:
+        """Read a typed value in SI units.
+
+        - `text`: number, or quantity with a unit.
+        - `number`: number of the touch, from 1.
+
+        Raises:
+            InvalidInput: The text is empty or no such quantity.
+        """
+        if not text:
+            raise InvalidInput(
+                f"Touch {number} has no value of {self.title}. Type it in {self.unit}."
+            )
+        return read_typed(f"Touch {number}: {self.title}", text, self.unit)
+
+    @property
+    def title(self) -> str:
+        """Name in messages: the short name, and the name of the joint if it differs."""
+        return self.label if self.label == self.name else f"{self.label} ({self.name})"
+
+
+def touch_columns(arm: Arm) -> tuple[TouchColumn, ...]:
+    """Return the columns of a table in which touches are typed: the point, then the joints."""
+    point = [TouchColumn(name=x, label=x, unit="mm") for x in POINT[: arm.dimension]]
+    joints = [
+        TouchColumn(name=name, label=f"q{k + 1}", unit="mm" if slides else "deg")
+        for k, (name, slides) in enumerate(zip(arm.joint_names, arm.chain.slides, strict=True))
+    ]
+    return (*point, *joints)
+
+
+def read_touch_rows(rows: Sequence[Sequence[str]], arm: Arm) -> Touches:
+    """Read touches from the cells of a table.
+
+    Args:
+        rows: Texts of the cells, one row per touch, in the order of `touch_columns`. Rows without
+            any text are ignored. The point is empty in all rows for the three-point method.
+        arm: Arm whose joints were read.
+
+    Raises:
+        InvalidInput: A row has another number of cells, or a cell is empty or no quantity.
+    """
+    columns = touch_columns(arm)
+    filled = {}
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(columns):
+            raise InvalidInput(
+                f"Touch {number} has {len(row)} values, but {', '.join(x.label for x in columns)} "
+                f"are {len(columns)}."
+            )
+        cells = [x.strip() for x in row]
+        if any(cells):
+            filled[number] = cells
+    if not filled:
+        raise InvalidInput("There are no touches. Type the joint positions of each touch.")
+    count = arm.dimension
+    has_points = any(text for cells in filled.values() for text in cells[:count])
+    first = 0 if has_points else count
+    values = np.array(
+        [
+            [x.read(text, number) for x, text in zip(columns[first:], cells[first:], strict=True)]
+            for number, cells in filled.items()
+        ]
+    )
+    points = values[:, :count] if has_points else None
+    return Touches(points=points, q=values[:, count - first :], notes=())
 
 
 def _title(name: str, arm: Arm) -> Title[str] | None:

@@ -122,7 +122,7 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
 
     None if the start configuration is given or collisions are not checked.
     """
-    chosen = job.seed is None and isinstance(job.arm, SerialArm)
+    chosen = not job.has_start and isinstance(job.arm, SerialArm)
     if not chosen or not _is_checked(job):
         return None
     return job.cell.fits
@@ -169,13 +169,15 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     contour_name = contour_called(program.contours[0], 0)
+    relation = "to"
     for span in trajectory.spans:
         if span.kind == "contour":
             number, contour = next(contours)
             contour_name = contour_called(contour, number)
+            relation = "after"
             moves.append((contour_name, span))
         else:
-            moves.append((f"{span.kind} after {contour_name}", span))
+            moves.append((f"{span.kind} {relation} {contour_name}", span))
     for name, span in sorted(moves, key=lambda move: move[1].kind != "contour"):
         clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
         if clearance is not None and not clearance.satisfied:
@@ -195,7 +197,7 @@ def _other_start(
 
     None if no start has a larger `_count_clear` than the first joint paths (`reached`).
     """
-    if job.seed is not None or not isinstance(job.arm, SerialArm):
+    if job.has_start or not isinstance(job.arm, SerialArm):
         return None
     program = traced.program
     farthest = None

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
+
 from armcontour.control.compensation import INVERSE, CompensationOptions, InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
@@ -37,11 +39,13 @@ from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
+from armcontour.planning.program_tracing import configuration_of
 from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES
 from armcontour.program import Process, Program
 from armcontour.program.corner_rounding import CONTINUITIES, Continuity
 from armcontour.program.preparation import check_process
 from armcontour.robot import Arm, Limits
+from armcontour.robot.arm import unit_of
 from armcontour.robot.bodies import Payload
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
@@ -420,6 +424,9 @@ class Job(Checked):
             fastest.
         seed: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
+        start_from: Taught joint positions [rad], (dof,), from which the motion begins with a rapid
+            in joint space. The first contour has their configuration. None begins the motion at the
+            first contour.
         servo: The servo's nominal model, which compensation uses.
         plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
@@ -431,9 +438,10 @@ class Job(Checked):
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
-            a seed for another number of joints, gains too large for a cycle, a speed
-            so low that the motion is endless, an analog output that needs a speed, or a process
-            that the program cannot have.
+            a seed or start for another number of joints, a start outside of the joint ranges or
+            together with a seed, a configuration or an end time, gains too large for a cycle, a
+            speed so low that the motion is endless, an analog output that needs a speed, or a
+            process that the program cannot have.
     """
 
     name: Name
@@ -445,6 +453,7 @@ class Job(Checked):
     runs: tuple[Run, ...]
     configuration: str | None = None
     seed: FloatArray | None = None
+    start_from: FloatArray | None = None
     process: Process = field(default_factory=Process)
     certificate: CertificateGoal | None = None
     scene: Scene | None = None
@@ -481,6 +490,55 @@ class Job(Checked):
         if self.seed is not None:
             seed = checks.per_joint("seed", self.seed, self.arm.dof, "rad")
             object.__setattr__(self, "seed", checks.frozen_array(seed))
+        if self.start_from is not None:
+            with error_context("", "start_from", "joints"):
+                start = checks.per_joint("start_from", self.start_from, self.arm.dof, "rad")
+            object.__setattr__(self, "start_from", checks.frozen_array(start))
+            for run in self.runs:
+                self._check_start(run, start)
+
+    def _check_start(self, run: Run, start: FloatArray) -> None:
+        """Check that a run can begin at taught joint positions [rad], (dof,)."""
+        if self.seed is not None or self.configuration is not None:
+            raise InvalidInput(
+                "start_from determines the configuration at the start, so the job must not have "
+                "seed or configuration, too. Remove seed.",
+                key=("seed",),
+                remedies=({("seed",): None},),
+            )
+        if run.end_time is not None:
+            raise InvalidInput(
+                f"Run {run.name}: end_time requires a motion that begins at the path, but the job "
+                "has start_from. Remove end_time.",
+                key=("start_from",),
+            )
+        lower, upper = run.limits.joint_range(len(start))
+        excess = np.maximum(lower - start, start - upper)
+        j = int(excess.argmax())
+        if excess[j] > 0:
+            unit = unit_of(self.arm, "rad", j)
+            raise InvalidInput(
+                f"Run {run.name}: in start_from, joint {j + 1} ({self.arm.joint_names[j]}) is at "
+                f"{number(start[j], unit)}, outside of its range from {number(lower[j], unit)} to "
+                f"{number(upper[j], unit)}. Check the order and the units of the joints.",
+                key=("start_from", "joints"),
+                joint=j,
+                needed=float(start[j]),
+                allowed=float(lower[j] if start[j] < lower[j] else upper[j]),
+            )
+
+    @property
+    def has_start(self) -> bool:
+        """True if the configuration at the start is given."""
+        taught = self.start_from is not None
+        return taught or self.seed is not None or self.configuration is not None
+
+    @property
+    def at_path(self) -> Job:
+        """The job whose motion begins at the first contour, in the configuration of this one."""
+        if self.start_from is None:
+            return self
+        return replace(self, start_from=None, **configuration_of(self.arm, self.start_from))
 
     def __str__(self) -> str:
         """Write a table with arm, path, runs and further parts of the job."""

@@ -46,6 +46,7 @@ from armcontour.program import (
     Leads,
     Process,
     Program,
+    Rapid,
     arrange_contours,
     prepare,
     round_corners,
@@ -156,6 +157,8 @@ def prepare_program(
 ) -> Program:
     """Add the process's leads, overlaps and events to a job's program; corners stay sharp.
 
+    A motion that begins at a taught position begins with a rapid.
+
     `resumption`: see `find_resumption`; automatic leads depend on it.
 
     Raises:
@@ -172,6 +175,9 @@ def prepare_program(
         leads = find_leads(job, run, resumption)
     with error_context("process"):
         prepared = prepare(job.program, job.process, leads)
+    if job.start_from is not None:
+        # A rapid without a path, which begins at the taught position.
+        prepared = dataclasses.replace(prepared, moves=(Rapid(), *prepared.moves))
     run.check_end_time(prepared)
     return prepared
 
@@ -183,6 +189,7 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     velocity; without one, the largest speed along the contour. Leads that the arm does not reach
     are halved. Lengths of leads that are not automatic are 0.
     """
+    job = job.at_path
     # Corners of shape free are replaced by arcs here, because shaping takes long.
     rounding = None if run.rounding is None else run.rounding.with_arcs
     timing = run.timing.without_duration()
@@ -304,8 +311,9 @@ def _shape(
     """Shape a program from the configuration of the job, or of the job that is resumed."""
     from armcontour.planning import shape
 
-    configuration = job.configuration
-    seed = job.seed
+    at_path = job.at_path
+    configuration = at_path.configuration
+    seed = at_path.seed
     if resumption is not None and resumption.whole is not None:
         configuration, seed = resumption.whole.start_of(program.contours[0], job.arm)
     options = dataclasses.replace(
@@ -353,6 +361,7 @@ def trace_run(
         run.limits,
         configuration=job.configuration,
         seed=job.seed,
+        start=job.start_from,
         accept=first_contour_clear(job),
         progress=progress,
         whole=None if resumption is None else resumption.whole,

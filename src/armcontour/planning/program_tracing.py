@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, Unreachable, error_context
+from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.progress import Progress, Step
+from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import cut_path
@@ -23,6 +24,7 @@ from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
+from armcontour.robot.arm import unit_of
 
 # Joint positions closer than this are equal [rad]; closed-form inverse kinematics has this error.
 SAME_JOINT_POSITION = 1e-9
@@ -51,6 +53,12 @@ SAME_ON_PARTS = 1e-4
 BOUND_SHARE = 0.998
 # Durations that differ by at most this fraction, the accuracy of the planner, are equal.
 EQUALLY_FAST = 1e-6
+# Name of the line from given joint positions to the first move, in messages.
+TO_FIRST = "rapid from the given start"
+# Location of errors of moves that the configuration of given joint positions does not complete.
+IN_START_CONFIGURATION = "in the configuration of start_from"
+# Rotation that no joint makes from given joint positions to the first move [rad].
+WHOLE_TURN = 2 * np.pi
 # Number of following contours that decide between equally fast configurations.
 LOOK_AHEAD = 4
 
@@ -112,8 +120,8 @@ class TracedWhole:
         - `moves`: moves of the resumed program.
         """
         paths: dict[int, JointPath] = {}
-        for number, joint_path in self.later.items():
-            i = len(moves) - number
+        for from_end, joint_path in self.later.items():
+            i = len(moves) - from_end
             path = joint_path.tool_path
             move = moves[i]
             if isinstance(move, Contour) and path is not None and _is_same(path, move.path):
@@ -163,6 +171,7 @@ def trace_program(
     *,
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
+    start: FloatArray | None = None,
     accept: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
     fastest: dict[int, JointPath] | None = None,
@@ -183,6 +192,8 @@ def trace_program(
             By default those of the arm.
         configuration: As in `plan`.
         seed: As in `plan`; by default the start at which the contours were shaped, if they were.
+        start: Joint positions [rad], (dof,), from which the program begins with a straight line in
+            joint space. The moves up to the first contour have their configuration.
         accept: Returns whether a contour may follow a joint path. It is called when a configuration
             is chosen; a rejected configuration is used only if all are rejected.
         progress: Called after every contour with the step "tracing" and the fraction done.
@@ -200,7 +211,7 @@ def trace_program(
     limited = arm.with_limits(bounds)
     contours = program.contours
     cached = {} if fastest is None else fastest
-    tracer = _Tracer(program, contours, limited, configuration, seed, accept, cached)
+    tracer = _Tracer(program, contours, limited, configuration, seed, start, accept, cached)
     if whole is not None:
         with error_context(contour_called(contours[0], 0)):
             tracer.first = whole.trace(contours[0], limited)
@@ -225,6 +236,7 @@ class _Tracer:
     arm: Arm  # The arm with the limits of the motion
     configuration: str | None
     seed: npt.ArrayLike | None
+    start: FloatArray | None  # Joint positions at which the program begins, if given [rad]
     accept: Callable[[JointPath], bool] | None
     fastest: dict[int, JointPath]
     steps: list[TracedMove] = field(default_factory=list)
@@ -263,29 +275,40 @@ class _Tracer:
                 start = ends_of(self.first)[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
                 return
-            is_free = self.last is None and self.seed is None
+            is_free = self.last is None and self.seed is None and self.start is None
             joint_path = self._trace_to(after[0], turned, i) if is_free else self._trace(turned, i)
             self._append(i, joint_path, called)
 
     def _append(self, i: int, joint_path: JointPath, called: str) -> None:
         """Append a joint path, with a straight line in joint space to its start if needed."""
-        if self.last is not None:
-            end = ends_of(self.last)[1]
-            q = ends_of(joint_path)[0]
-            if np.abs(q - end).max() > SAME_JOINT_POSITION:
-                self.steps.append(
-                    TracedMove(move=None, joint_path=_straight_line(end, q), called=called)
-                )
+        end = self._end
+        q = ends_of(joint_path)[0]
+        if end is not None and np.abs(q - end).max() > SAME_JOINT_POSITION:
+            line = _straight_line(end, q)
+            if self.last is None:
+                _check_turns(line, self.arm)
+                # Dwells and events before the first path are at its start, after this line.
+                self.steps.insert(0, TracedMove(move=None, joint_path=line, called=TO_FIRST))
+            else:
+                self.steps.append(TracedMove(move=None, joint_path=line, called=called))
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
+    @property
+    def _end(self) -> FloatArray | None:
+        """Joint positions after the previous move [rad], (dof,); None if they are free."""
+        return self.start if self.last is None else ends_of(self.last)[1]
+
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move in the current configuration, if possible, or the fastest."""
-        if self.last is None:
+        end = self._end
+        if end is None:
             return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.arm, **configuration_of(self.arm, ends_of(self.last)[1]))
-        except Unreachable:
+            return trace(path, self.arm, **configuration_of(self.arm, end))
+        except Unreachable as error:
+            if self.start is not None and not self.done:
+                raise error.with_location(IN_START_CONFIGURATION) from None
             if not self.looks_ahead:
                 return self._fastest(path, i)
             if i not in self.fastest:
@@ -358,6 +381,25 @@ def _straight_line(begin: FloatArray, end: FloatArray) -> JointPath:
     coefficients[0, 0] = begin
     coefficients[0, 1] = (end - begin) / length * length
     return JointPath(breaks=np.array([0.0, length]), coefficients=coefficients)
+
+
+def _check_turns(line: JointPath, arm: Arm) -> None:
+    """Refuse a line to the first move on which a revolute joint turns by a whole turn or more."""
+    begin, end = ends_of(line)
+    turns = np.where(arm.chain.slides, 0.0, np.abs(end - begin))
+    j = int(turns.argmax())
+    if turns[j] < WHOLE_TURN:
+        return
+    unit = unit_of(arm, "rad", j)
+    raise InvalidInput(
+        f"From the given start, joint {j + 1} ({arm.joint_names[j]}) would turn by "
+        f"{number(turns[j], unit)} to the first move, from {number(begin[j], unit)} to "
+        f"{number(end[j], unit)}, but only less than a whole turn is allowed. Check the units and "
+        "the order of the joints, or teach a start that is nearer.",
+        joint=j,
+        needed=float(turns[j]),
+        allowed=WHOLE_TURN,
+    )
 
 
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:

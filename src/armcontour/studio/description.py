@@ -17,6 +17,7 @@ from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_patch import full_key, locate_key
 from armcontour.files.job_text_edits import line_of, value_at
+from armcontour.files.touch_file import touch_columns
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.report.message_frame import MessageFrame
@@ -141,6 +142,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "data": {**data, "path": _options(data.get("path"))},
         "values": {} if state.job is None else slider_rows(data, state.job, run),
         "layers": [] if state.job is None else _layers(state.job),
+        "touch_columns": _touch_columns(state.job),
         "tilt": None if handles is None else tilt_of(handles, data),
         **_scene(data, state.job, handles),
         "text": document.text,
@@ -151,6 +153,12 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "line": None if state.error is None else line_of(document.text, state.error.key),
     }
     return MessageFrame("document", header)
+
+
+def _touch_columns(job: Job | None) -> list[dict[str, str]]:
+    """Describe the columns of the table of touches: names and unit; none without a job."""
+    columns = () if job is None else touch_columns(job.arm)
+    return [{"name": x.name, "label": x.label, "unit": x.unit} for x in columns]
 
 
 def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) -> dict[str, Any]:

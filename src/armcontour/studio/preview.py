@@ -181,7 +181,7 @@ class CoarsePlanner:
         with error_context(f"Run {job_run.name}"):
             coarse = coarser_run(job, job_run)
             planned = None
-            if job.seed is None and isinstance(job.arm, SerialArm) and self._arm == data["arm"]:
+            if not job.has_start and isinstance(job.arm, SerialArm) and self._arm == data["arm"]:
                 seeded_job = dataclasses.replace(job, seed=self._start)
                 try:
                     planned = self._plan_steps(seeded_job, coarse, progress)
@@ -348,7 +348,7 @@ class CoarsePlanner:
             )
         objective = get(
             "preparing",
-            (made_of, resumption),
+            (made_of, resumption, job.start_from is not None),
             lambda: prepare_program(job, run, report, resumption),
         )
         path = get(
@@ -356,7 +356,7 @@ class CoarsePlanner:
             (objective, corners, resumption),
             lambda: round_program(job, run, objective, report, resumption),
         )
-        ranges = limits if job.seed is None else comparable(run.limits.joint_range(job.arm.dof))
+        ranges = limits if not job.has_start else comparable(run.limits.joint_range(job.arm.dof))
         traced = get(
             "tracing",
             (path, arm_inputs, ranges, resumption),
@@ -384,7 +384,8 @@ def path_only(data: Mapping[str, Any]) -> dict[str, Any]:
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
     """Return the inputs on arm and cell that joint paths depend on, in a comparable form."""
-    return job.arm, job.configuration, comparable(job.seed), job.scene
+    start = comparable(job.start_from)
+    return job.arm, job.configuration, comparable(job.seed), start, job.scene
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:

@@ -18,6 +18,9 @@ FAULTS = {
         "ControllerRefused",
         ("to the start", "Joint 2"),
     ),
+    "a period of 0.5 ms": ({"period1=1000000": "period1=500000"}, True, ()),
+    "a period of 1/1200 s": ({"period1=1000000": "period1=833333"}, True, ()),
+    "a period of 4 ms": ({"period1=1000000": "period1=4000000"}, True, ()),
     "a following error": ({"min -3": "min -0.9", "max 3": "max 0.9"}, False, ("Joint",)),
     "a range": ({"range-1.min -90": "range-1.min -5"}, False, ("Joint",)),
     "saturated velocities": (

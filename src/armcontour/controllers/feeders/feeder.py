@@ -24,9 +24,9 @@ measured` a sample of the controller's clock, k is -1 between motions; `K number
 `B number` the block came too late, or the motion ends with the rows before, so it is ignored; `D`
 the motion has ended. For the following events, the motion ends with the rows that the feeder has:
 `W` no sign of life, `V` the sender or a process of the feeder is gone, `N reason` the record cannot
-be written. `U k` the controller had no row for cycle k, so it ended the motion by itself; `L t` if
-the feeder is gone, the controller has stopped the joints after the time t [s]; `F message` the
-controller failed.
+be written, `C p` the speed slider of the controller was set to p %. `U k` the controller had no row
+for cycle k, so it ended the motion by itself; `L t` if the feeder is gone, the controller has
+stopped the joints after the time t [s]; `F message` the controller failed.
 """
 
 from __future__ import annotations
@@ -564,11 +564,11 @@ def new_record() -> Record:
     return Record(sys.argv[1], float(sys.argv[2]))
 
 
-def main(device: Device) -> None:
-    """Run a feeder; the first two command-line arguments are those of its record."""
+def main(device: Device, kind: type[Feeder] = Feeder) -> None:
+    """Run a feeder of a kind; the first two command-line arguments are those of its record."""
     # A garbage collection can take longer than a cycle. The loop creates no cyclic garbage.
     gc.disable()
-    Feeder(device, new_record(), take_stdout()).run()
+    kind(device, new_record(), take_stdout()).run()
 
 
 def main_guarded(device: GuardedDevice) -> None:

@@ -49,8 +49,10 @@ ACCELERATION_MARGINS = (1e-6, 1e-6)
 # Time in which HAL's limit3 brakes to rest and moves back to the last row, in multiples of velocity
 # over acceleration.
 BRAKING_TIMES = 2.5
-# The joints rest after so many samples with the same command.
-REST_SAMPLES = 200
+# The joints rest if the command has not changed for this time [s].
+REST_TIME = 0.2
+# A pin keeps each level for at least this number of cycles, so that the thread sees its edges.
+LEVEL_CYCLES = 2
 # The motion from the held position to the first row has at most this number of rows.
 MAX_ALIGNING_ROWS = 2000
 # Largest second derivative of the smooth motion between 0 and 1 in a time of 1.
@@ -93,6 +95,8 @@ class LinuxCNCDevice:
         # First cycle of the motion without a row, after the FIFO has become empty.
         self.end: int | None = None
         self.beat_at = 0.0
+        # Time of the last edge of the pins `on` and `play` [s].
+        self.toggled_at = 0.0
         self.heard = time.monotonic()
         self.limits: Row = (0.0,) * dof
         # The last command of a sample, and number of samples with it.
@@ -231,14 +235,20 @@ class LinuxCNCDevice:
         """Enable the drives by a rising edge of `on`, repeated until the thread sees it."""
         self.component["off"] = False
 
-        def edge() -> None:
-            self.component["on"] = not self.component["on"]
-
         self.obey(
-            lambda: bool(self.component["enable"]), f"{SIGNAL_PREFIX}enable remains false", edge
+            lambda: bool(self.component["enable"]),
+            f"{SIGNAL_PREFIX}enable remains false",
+            lambda: self.toggle("on"),
         )
         self.component["on"] = False
         self.enabled = True
+
+    def toggle(self, pin: str) -> None:
+        """Change a pin, unless its last edge is so recent that the thread may not have seen it."""
+        now = time.monotonic()
+        if now - self.toggled_at >= LEVEL_CYCLES * self.cycle:
+            self.toggled_at = now
+            self.component[pin] = not self.component[pin]
 
     def obey(
         self, done: Callable[[], bool], failure: str, act: Callable[[], None] = lambda: None
@@ -322,7 +332,7 @@ class LinuxCNCDevice:
     def is_done(self) -> bool:
         """Return whether the FIFO is empty, and the joints rest if HAL has stopped them."""
         if self.end is not None:
-            return self.repetitions > REST_SAMPLES
+            return self.repetitions * self.cycle > REST_TIME
         return int(self.out.depth) == 0
 
     def switch_on(self) -> None:
@@ -338,7 +348,7 @@ class LinuxCNCDevice:
             self.waiting = False
             self.has_played = True
         else:
-            self.component["play"] = not self.component["play"]
+            self.toggle("play")
 
     def exchange(self) -> Iterable[Sample]:
         """Return the thread's samples; the first calls in a motion switch the streamer on."""

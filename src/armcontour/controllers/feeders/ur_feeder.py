@@ -14,7 +14,14 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
-from armcontour.controllers.feeders.feeder import REST_RECORD_EVERY, DeviceError, Row, Sample, main
+from armcontour.controllers.feeders.feeder import (
+    REST_RECORD_EVERY,
+    DeviceError,
+    Feeder,
+    Row,
+    Sample,
+    main,
+)
 
 # Port of the controller for the Real-Time Data Exchange (RTDE).
 RTDE_PORT = 30004
@@ -147,17 +154,28 @@ class UrDevice:
         self.wait()
         mode = self.state[ROBOT_MODE]
         safety = self.state[SAFETY_MODE]
-        speed = self.state[SPEED_FRACTION]
         if mode != RUNNING:
             raise DeviceError(f"the robot is not running, but in mode {mode}")
         if safety != NORMAL:
             raise DeviceError(f"the robot's safety mode is {MODES.get(safety, safety)}")
-        if abs(speed - 1) > SPEED_SLIDER_ROUNDING:
-            raise DeviceError(f"the speed slider is at {100 * speed:.0f} %. Set it to 100 %")
+        self._check_speed()
         return tuple(self.state[TARGET_POSITIONS])
+
+    @property
+    def speed_percent(self) -> float:
+        """Position of the speed slider in the last package [%]; exactly 100 up to rounding."""
+        fraction = float(self.state[SPEED_FRACTION])
+        return 100.0 if abs(fraction - 1) <= SPEED_SLIDER_ROUNDING else 100 * fraction
+
+    def _check_speed(self) -> None:
+        """Refuse a speed slider that is not at 100 %."""
+        percent = self.speed_percent
+        if percent != 100.0:
+            raise DeviceError(f"the speed slider is at {percent:.3g} %. Set it to 100 %")
 
     def start(self) -> None:
         """Start the program, which holds the position."""
+        self._check_speed()
         self.is_last = False
         if self.running:
             return
@@ -325,5 +343,26 @@ class UrDevice:
             self.complete.append((clock, -1, tuple(self.state[TARGET_POSITIONS]), measured))
 
 
+class UrFeeder(Feeder):
+    """A feeder that stops the motion on the path if the speed slider is moved.
+
+    At less than 100 %, each `servoj` takes longer than a cycle, so the motion no longer has the
+    timing for which it was planned and compensated.
+    """
+
+    device: UrDevice
+    # Position of the slider in the package before [%].
+    percent = 100.0
+
+    def report(self) -> None:
+        """Report the samples; end the motion with its rows if the slider was moved."""
+        super().report()
+        percent = self.device.speed_percent if self.playing else 100.0
+        if percent not in (100.0, self.percent):
+            self.send_line("C", f"{percent:.3g}")
+            self.more = False
+        self.percent = percent
+
+
 if __name__ == "__main__":
-    main(UrDevice(sys.argv[3]))
+    main(UrDevice(sys.argv[3]), UrFeeder)

@@ -96,7 +96,9 @@ export class Viewer {
     this.gap = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2, depthTest: false, transparent: true }));
     for (const x of [...this.paths, this.gap]) x.frustumCulled = false;
     // The frame of the path; a positioner moves it.
-    this.onWork = new Group().add(...this.paths, this.alarm);
+    /** Dots at touched points. */
+    this.touched = new Group();
+    this.onWork = new Group().add(...this.paths, this.alarm, this.touched);
     this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
     this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
@@ -160,6 +162,7 @@ export class Viewer {
     this.setJoints(head.joints.map(() => 0));
     this.tip.scale.setScalar(0.004 * this.reach);
     this.alarm.scale.setScalar(0.008 * this.reach);
+    for (const x of this.touchedDots) x.scale.setScalar(TOUCHED * this.reach);
     this.controls.maxDistance = 8 * this.reach;
     // The target stays visible.
     this.controls.maxTargetRadius = 1.2 * this.reach;
@@ -235,6 +238,7 @@ export class Viewer {
     for (const [name, x] of this.materials) x.color.set(paint[name] ?? paint.link);
     this.tip.material.color.set(paint.tip);
     for (const x of [this.alarm, this.gap]) x.material.color.set(paint.alarm);
+    for (const x of this.touchedDots) x.material.color.set(paint.tip);
     const grid = /** @type {GridHelper} */ (this.groups.at(-1));
     grid.material.vertexColors = false;
     grid.material.color.set(paint.grid);
@@ -265,6 +269,28 @@ export class Viewer {
       this.pieces += ends.length / 6;
     });
     this.draw();
+  }
+
+  get touchedDots() {
+    return /** @type {ReturnType<typeof dot>[]} */ (this.touched.children);
+  }
+
+  /** Show touched points in the frame of the path [m]. @param {number[][]} points */
+  touch(points) {
+    if (this.touched.children.length === 0 && points.length === 0) return;
+    while (this.touched.children.length > points.length) this.touched.remove(this.touchedDots[points.length]);
+    points.forEach((point, k) => {
+      if (k === this.touched.children.length) this.touched.add(this.newTouch());
+      this.touchedDots[k].position.fromArray(point);
+    });
+    this.draw();
+  }
+
+  newTouch() {
+    const made = dot();
+    made.material.color.set(/** @type {Record<string, string>} */ (PAINTS[this.theme]).tip);
+    made.scale.setScalar(TOUCHED * this.reach);
+    return made;
   }
 
   /** Show the nearest points of two bodies in the base frame [m], and a refused point. @param {number[][] | null} nearest @param {number[] | null} refused */
@@ -388,6 +414,9 @@ export class Viewer {
     this.canvas.remove();
   }
 }
+
+/** Radius of a dot at a touched point, as a share of the arm's reach. */
+const TOUCHED = 0.006;
 
 /** Make a dot that is visible through all bodies. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
 function dot() {

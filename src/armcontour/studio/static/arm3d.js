@@ -25,7 +25,7 @@ const NEAR = 6; // px
 export function init(store) {
   const view = new ArmView(find("#view3d"), store);
   for (const event of ["picture", "executed", "theme", "arm", "view"]) store.on(event, () => view.outdate(event));
-  for (const event of ["time", "layout", "refusal", "figures"]) store.on(event, view.draw);
+  for (const event of ["time", "layout", "refusal", "figures", "touched"]) store.on(event, view.draw);
 }
 
 /** The 3D view. It draws only while it is visible and something changes. */
@@ -143,6 +143,7 @@ class ArmView {
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
+    viewer?.touch(store.touched?.xyz ?? []);
     viewer?.alert(store.refusal?.head.bodies ?? []);
     const key = `${store.document?.id} ${arm.head.name} ${motion !== null}`;
     if (viewer && key !== this.fitted) {

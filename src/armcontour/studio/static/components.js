@@ -35,11 +35,11 @@ export const Remedies = ({ all = [], take }) => all.map((edits) => {
 });
 
 /**
- * Buttons for changes of the job; brief buttons have their sentences as tooltips.
- * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link}} props
+ * Buttons for changes of the job; brief buttons have their sentences as tooltips. `taken` is called before a change is sent.
+ * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link, taken?: () => void}} props
  */
-export const Changes = ({ changes, brief, link }) => changes.map(({ label, short, condition, edits }) =>
-  html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits)}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
+export const Changes = ({ changes, brief, link, taken = () => {} }) => changes.map(({ label, short, condition, edits }) =>
+  html`<button type="button" title=${brief && label} onClick=${() => (taken(), link.edit(edits))}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
 
 /** Column heads; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {

@@ -64,6 +64,8 @@ export class Store {
     this.frames = new Map();
     /** @type {Frame | null} refusal of the newest edit */
     this.refusal = null;
+    /** Touched points of the last measurement, in the drawing and in the frame of the path [m]. @type {{uv: number[][], xyz: number[][]} | null} */
+    this.touched = null;
     /** Time of the shown run that all views show [s]. */
     this.time = 0;
     /** @type {ViewOptions} */

@@ -6,6 +6,7 @@ import { known } from "./form.js";
 import { whole } from "./format.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { Changes, Tabular } from "./components.js";
+import { touchOptions, TouchTable } from "./touches.js";
 import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -16,7 +17,7 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
  * @typedef {{name: string, label: string, value?: string | number, choices?: [string, string][], min?: number,
  *   max?: number, unit?: string}} Choice
  */
-/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
+/** @typedef {{task: string, title: string, what: string, onLogs?: boolean, table?: any, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
 /**
  * Result of a task.
  * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
@@ -33,7 +34,9 @@ const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
 /** Joints of the arm, whether the server is connected, and the text of the job. */
 const [joints, isOpen, newest] = [signal(0), signal(false), signal("")];
 /** Tasks whose results apply to the job at that time. */
-const OF_JOB = new Set(["certify", "export", "changes", "report", "learn"]);
+const OF_JOB = new Set(["certify", "export", "changes", "report", "learn", "measure"]);
+/** Result whose change was sent last: a measured frame also applies to the job that has it. */
+let used = "";
 /** Results, the newest first. */
 const results = signal(/** @type {Result[]} */ ([]));
 
@@ -54,13 +57,17 @@ const tasks = () => [
   },
   { task: "changes", title: "Improve", what: "Finds changes that save time, or that make the run keep its accuracy." },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
+  {
+    task: "measure", title: "Measure", table: TouchTable, options: ({ noise }) => ({ ...touchOptions(), noise }),
+    what: "Finds where the part is: joint positions at points that the tool touched, with the coordinates of the points in the drawing. Without coordinates: the origin, a point on the x axis, and one on the side of the y axis. Tables can be pasted.",
+  },
   { task: "identify", title: "Identify", what: "Finds kp, kv and the dead time of your robot's servo from the logs.", onLogs: true, options: logOptions },
   { task: "learn", title: "Learn", what: "Corrects the set-points of the next run by the errors of this one.", onLogs: true, options: logOptions },
 ];
 
 /** A task's button, sentence and choices. @param {Task & {start: (task: Task, options: object) => void}} props */
 function Form({ start, ...task }) {
-  const { title, what, choices = [], options = () => ({}) } = task;
+  const { title, what, table, choices = [], options = () => ({}) } = task;
   const isBusy = useComputed(() => !isOpen.value || results.value.some((x) => x.state === "running"));
   const submit = (/** @type {any} */ event) => {
     event.preventDefault();
@@ -77,6 +84,7 @@ function Form({ start, ...task }) {
   return html`<form class="task" data-task=${task.task} aria-label=${title} onSubmit=${submit}>
     <div class="task-head"><button type="submit" aria-disabled=${String(isBusy.value)} title=${isBusy.value ? "One task at a time: wait, or cancel it" : ""}>${title}</button><p class="quiet">${what}</p></div>
     ${choices.length > 0 && html`<div class="task-fields">${choices.map(choice)}</div>`}
+    ${table && html`<${table} />`}
   </form>`;
 }
 
@@ -94,7 +102,7 @@ function Outcome({ result: { id, task, title, time, state, progress, frame, sent
       ${isOutdated && html`<p class="outdated">Outdated: the job has changed since. ${title} again for the job as it is now.</p>`}
       ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
       ${said && html`<p class="task-sentence">${said}</p>`}
-      ${changes.length > 0 && !isOutdated && html`<p class="task-file"><${Changes} changes=${changes} link=${link} /></p>`}
+      ${changes.length > 0 && !isOutdated && html`<p class="task-file"><${Changes} changes=${changes} link=${link} taken=${() => (used = task === "measure" ? id : "")} /></p>`}
       ${file && html`<${Download} file=${frame?.head} link=${link} />`}
       ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
         <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
@@ -169,6 +177,11 @@ export function init(store, link) {
   const update = () => {
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
     newest.value = store.document?.text ?? "";
+    const text = newest.value;
+    if (used && results.value.some((x) => x.id === used && x.text !== text)) {
+      results.value = results.value.map((x) => (x.id === used ? { ...x, text } : x));
+      used = "";
+    }
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };

@@ -158,9 +158,17 @@ export class View2d {
   fit() {
     const { box } = this;
     if (!box) return;
-    this.view.fit(box, this.covered);
+    this.view.fit(this.withTouched(box), this.covered);
     this.moved();
     this.isFitted = this.isSeen = true;
+  }
+
+  /** Return a box that also contains the touched points [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
+  withTouched({ left, right, bottom, top }) {
+    const [u, v] = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const points = this.store.touched?.uv ?? [];
+    const [us, vs] = [points.map((point) => point[0] - u), points.map((point) => point[1] - v)];
+    return { left: Math.min(left, ...us), right: Math.max(right, ...us), bottom: Math.min(bottom, ...vs), top: Math.max(top, ...vs) };
   }
 
   /** Return the height of the legend if it covers the drawing [px]. */

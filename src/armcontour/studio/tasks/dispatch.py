@@ -16,6 +16,7 @@ from armcontour.core.progress import Progress, Step
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
+from armcontour.studio.tasks.measurement import measure
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ TASKS: dict[str, Callable[[Request], MessageFrame]] = {
     "report": report,
     "identify": identify,
     "learn": learn,
+    "measure": measure,
 }
 
 

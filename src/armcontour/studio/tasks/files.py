@@ -74,7 +74,7 @@ def certify(request: Request) -> MessageFrame:
     request.progress(Step(("writing",)))
     data = certificate.to_data()
     header = {
-        **_shown(data),
+        **shown(data),
         "run": certificate.result.run.name,
         "notes": [*data.notes, *data.warnings],
         "certificate": plain(data),
@@ -180,7 +180,7 @@ def identify(request: Request) -> MessageFrame:
     facts = {"kept": identification.trusted, "changes": changes, "label": "Download report"}
     page = render_identification(identification).encode()
     name = f"{request.job.name}-identification.html"
-    return MessageFrame.of_file(name, page, {**facts, **_shown(data, logs)})
+    return MessageFrame.of_file(name, page, {**facts, **shown(data, logs)})
 
 
 def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
@@ -228,7 +228,7 @@ def learn(request: Request) -> MessageFrame:
     ).encode()
     name = f"{learned_run.job.name}-{learned_run.plan.run.name}-set_points.csv"
     return MessageFrame.of_file(
-        name, content, {"label": "Download next set-points", **_shown(learned_run.result)}
+        name, content, {"label": "Download next set-points", **shown(learned_run.result)}
     )
 
 
@@ -264,7 +264,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
         raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
 
 
-def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
+def shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     """Return a result's values, tables and notes, the same as the terminal prints."""
     from armcontour.report.message_frame import without_options
 
