@@ -194,6 +194,7 @@ _PROCESS = {
     ],
     "analog": [_POWER],
     "resume_at": 0.0,
+    "rejoin": 0.0,
     "lift": 0.0,
 }
 _CUT = {

@@ -525,7 +525,7 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
             [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
         )
     if single is None:
-        yield _move_table(result, 0.0 if job is None else job.process.resume_at)
+        yield _move_table(result)
         yield Table(
             "events",
             _columns(name="", value="", t="s", due="s", s="m", point="m"),
@@ -535,13 +535,12 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
         yield from result.evaluation.to_data().tables
 
 
-def _move_table(result: RunRecord, begin: float) -> Table:
-    """List the moves of a program with their times; only rows of contours have all values.
-
-    `begin`: `resume_at` of the process [m].
-    """
+def _move_table(result: RunRecord) -> Table:
+    """List the moves of a program with their times; only rows of contours have all values."""
     # As values of `resume_at`, start and end of a contour are cumulated working lengths.
-    ends = begin + np.cumsum([0.0, *map(work_length, result.objective.contours)])
+    ends = result.objective.resumed_at + np.cumsum(
+        [0.0, *map(work_length, result.objective.contours)]
+    )
     errors = () if result.judged is None else result.judged.contours
     contours = enumerate(result.path.contours)
     rows = list[tuple[Any, ...]]()

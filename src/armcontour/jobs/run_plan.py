@@ -118,7 +118,7 @@ def find_resumption(
     report = subprogress(progress)
     try:
         objective = prepare_program(whole_job, run, report)
-        place = ResumedPlace.find(objective, resume_at)
+        place = ResumedPlace.find(objective, job.process)
         if place is None:
             # `prepare_program` refuses the arc length.
             return None
@@ -130,7 +130,12 @@ def find_resumption(
             traced, notes = first_clear(whole_job, run, traced, report)
     except ArmContourError as error:
         return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
-    return Resumption(resume_at=resume_at, whole=place.traced(traced, float(s)), notes=notes)
+    return Resumption(
+        resume_at=resume_at,
+        begin=place.begin,
+        whole=place.traced(traced, float(s)),
+        notes=notes,
+    )
 
 
 @contextmanager

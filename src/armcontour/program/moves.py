@@ -265,6 +265,8 @@ class Program(Checked):
             joints only.
         other_layers: Names of the drawing's layers that are not run.
         left_out: The drawing's contours that are not run, if known.
+        resumed_at: Arc length of the whole program, without leads, at which this rest of it begins
+            [m]; 0 for a whole program.
 
     Raises:
         InvalidInput: There is no contour, an object is not a move, an event between contours has an
@@ -278,6 +280,7 @@ class Program(Checked):
     rapid_speed: Speed | None = None
     other_layers: tuple[str, ...] = ()
     left_out: tuple[Contour, ...] = ()
+    resumed_at: Distance = 0.0
 
     def _check_together(self) -> None:
         # These texts come from files and are printed on terminals.

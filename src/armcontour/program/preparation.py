@@ -470,11 +470,12 @@ def _axial_line(
 
 
 def resume_program(program: Program, process: Process) -> tuple[Program, Contour | None]:
-    """Return the program from an arc length on, and its first contour's part before that.
+    """Return the rest of a resumed program, and its first contour's part before that.
 
-    Outputs that are switched before the arc length are switched again: at the arc length if they
-    are switched on the same contour, or else before the first move. The second result is None if
-    the program resumes at the start of a contour.
+    The rest begins by `rejoin` before `resume_at`, but not before the contour. Outputs that are
+    switched before the rest are switched again: at its start if they are switched on the same
+    contour, or else before the first move. The second result is None if the rest begins at the
+    start of a contour.
     """
     resume_at = process.resume_at
     if resume_at == 0:
@@ -486,19 +487,33 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
             s=resume_at,
             allowed=program.length,
         )
-    # The end of a contour counts as the start of the next contour.
-    index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
-    s = max(resume_at - float(program.breaks[index]), 0.0)
+    index, s = find_resumed_place(program.breaks, process)
     contour = program.contours[index]
     moves = program.moves
     i = [k for k, x in enumerate(moves) if isinstance(x, Contour)][index]
     switched = {x.name: replace(x, s=0.0, lead_time=0) for x in events_of(moves[:i])}
     remaining = _cut_after(contour, s, process.of_contour(contour))
-    resumed = replace(program, moves=(*switched.values(), remaining, *moves[i + 1 :]))
+    resumed = replace(
+        program,
+        moves=(*switched.values(), remaining, *moves[i + 1 :]),
+        resumed_at=float(program.breaks[index]) + s,
+    )
     if s <= REPEATED_POINT:
         return resumed, None
     before = cut_path(contour.path, 0.0, s)
     return resumed, Contour(path=before, name=contour.name, layer=contour.layer)
+
+
+def find_resumed_place(breaks: FloatArray, process: Process) -> tuple[int, float]:
+    """Find where the rest of a program begins: the index of the contour, and the arc length on it.
+
+    - `breaks`: arc lengths at which the contours start, and the end of the last one [m].
+    - `process`: the process with `resume_at`, before the end, and `rejoin`.
+    """
+    # The end of a contour counts as the start of the next contour.
+    index = int(np.searchsorted(breaks, process.resume_at + REPEATED_POINT, side="right")) - 1
+    s = max(process.resume_at - float(breaks[index]) - process.rejoin, 0.0)
+    return index, s
 
 
 def _cut_after(contour: Contour, s: float, process: Process) -> Contour:

@@ -288,6 +288,9 @@ class Process(Checked, LayerProcess):
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m]. A job keeps the configuration
             of the whole job.
+        rejoin: Length before `resume_at` that is processed again, so that the rest joins the
+            finished part; not beyond the start of the contour [m]. Without `resume_at`, it has no
+            effect.
 
     Raises:
         InvalidInput: A value is not valid.
@@ -312,6 +315,7 @@ class Process(Checked, LayerProcess):
     off: bool = False
     lift: Distance = 0.0
     resume_at: Distance = 0.0
+    rejoin: Distance = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
