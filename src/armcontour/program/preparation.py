@@ -278,6 +278,9 @@ def _link_moves(
             dwell += contour_process.pierce.time
         if dwell:
             contour_moves.insert(contour_moves.index(contour), Dwell(duration=dwell))
+        if isinstance(contour_moves[0], Dwell) and not linked and number:
+            # The tool moves to the contour before it rests there.
+            contour_moves.insert(0, Rapid())
         result += contour_moves
         number += 1
     return result
