@@ -481,7 +481,16 @@ def plan_played(
 
     The run has all limits of the arm, and at least the reserve. Its speed factor is `speed_factor`;
     by default it does not change.
+
+    Raises:
+        InvalidInput: The job waits for an input.
     """
+    if job.process.waits:
+        raise InvalidInput(
+            f"A motion that is played cannot wait for an input, but process.wait waits for "
+            f"{job.process.waits[0].input}. Add --process-off (process.off), remove process.wait, "
+            "or export a program (urscript, kuka or abb), which waits."
+        )
     chosen = choose_run(job, run_name, "played")
     played_run = replace(
         chosen,

@@ -411,6 +411,9 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     if job is not None and job.export.outputs:
         outputs = job.export.outputs.items()
         yield Row("outputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in outputs})
+    if job is not None and job.export.inputs:
+        inputs = job.export.inputs.items()
+        yield Row("inputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in inputs})
     single = path.single_path
     yield Row("merged_points", () if single is None else single.merged)
     yield from shaping_rows(path)
@@ -530,6 +533,11 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
             "events",
             _columns(name="", value="", t="s", due="s", s="m", point="m"),
             [(x.name, x.value, x.t, x.due, x.s, x.point) for x in trajectory.events],
+        )
+        yield Table(
+            "waits",
+            _columns(input="", within="s", at="", t="s", rest="s"),
+            [(x.input, x.within, x.at, x.t, x.rest) for x in trajectory.waits],
         )
     if result.evaluation is not None:
         yield from result.evaluation.to_data().tables

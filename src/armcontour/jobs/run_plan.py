@@ -194,7 +194,11 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
-    changes: dict[str, Any] = {**dict.fromkeys(KEYS_WITHOUT_LEADS), "direction": "drawn"}
+    changes: dict[str, Any] = {
+        **dict.fromkeys(KEYS_WITHOUT_LEADS),
+        "direction": "drawn",
+        "wait": (),
+    }
     without_leads = dataclasses.replace(
         process,
         **changes,

@@ -20,13 +20,16 @@ from armcontour.files.exports.export_table import (
 )
 from armcontour.files.exports.identifiers import identifier
 from armcontour.files.exports.slow_move import SLOW
-from armcontour.motion import TimedEvent
+from armcontour.files.exports.template import wait_message
+from armcontour.motion import TimedEvent, TimedWait
 
 JOINTS = 6
 # Cycle of the controllers [s]; older controllers have a cycle of four times this value.
 CONTROLLER_CYCLE = 0.002
 # Number of standard digital outputs of a control box.
 OUTPUTS = 8
+# Number of standard digital inputs of a control box.
+INPUTS = 8
 # Maximum length of a program name that all versions of the controller accept [characters], as in
 # UR's client library.
 LONGEST_NAME = 31
@@ -58,12 +61,27 @@ def {program}():
   # Slow move to the first set-point; make sure that there are no obstacles.
   movej([{first}], a={slow.joint_acceleration}, v={slow.joint_speed})
 """
+# A wait for an input. While the robot waits, it holds the set-point of its rest.
+WAIT = """\
+  # Wait for {input} at rest, at most {within} s
+  cycles = 0
+  while not get_standard_digital_in({number}):
+    if cycles >= {count}:
+{switch_off}      stopj(2.0)
+      popup("{message}", title="armcontour", error=True, blocking=True)
+      halt
+    end
+  {hold}
+    cycles = cycles + 1
+  end
+"""
 
 
 def write_urscript(
     table: SetPointTable,
     file: FilePath,
     outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
     *,
     call: bool,
 ) -> None:
@@ -76,7 +94,8 @@ def write_urscript(
     comment states the exact time. The interval before the last sample of a trajectory is always a
     whole cycle, even if the time of the sample is earlier. An event with a digital output switches
     the output on or off; any other event writes a message by `textmsg`. An analog output with a
-    number is set at each set-point at which its level changes.
+    number is set at each set-point at which its level changes. A wait for an input repeats the
+    set-point of its rest until the input is on.
     """
     _check_table(table)
     analog = {x: n for x, n in outputs.items() if x in table.analog}
@@ -98,7 +117,14 @@ def write_urscript(
     # Computed before the file is opened, because an invalid event raises an error.
     lines = [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
-        lines += _set_levels(name, _analog_number(name, number), table.analog[name])
+        output = _analog_number(name, number)
+        _check_levels(name, np.append(table.analog[name], table.analog_off[name]))
+        lines += _set_levels(output, table.analog[name])
+    numbers_of_inputs = _digital_inputs(inputs)
+    switch_off = _switch_off(table, digital, analog)
+    for wait, i in zip(table.waits, table.point_of_waits, strict=True):
+        hold = point % tuple(table.q[i].tolist())
+        lines.append((i, _wait_for(wait, numbers_of_inputs, hold, table.cycle, switch_off)))
     lines.sort(key=lambda x: round(x[0]))
     commands = _commands(table, lines, point, numbers[1])
     end = "  stopj(2.0)\nend\n" + (f"\n{program}()\n" if call else "")
@@ -152,8 +178,8 @@ def _analog_number(name: str, number: int | str) -> int:
     return int(value)
 
 
-def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """Return the commands that set an analog output, each with the index of its set-point."""
+def _check_levels(name: str, values: FloatArray) -> None:
+    """Raise InvalidInput for values of an analog output outside its range."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
@@ -162,6 +188,10 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
             needed=high,
             allowed=1.0,
         )
+
+
+def _set_levels(number: int, values: FloatArray) -> list[tuple[float, str]]:
+    """Return the commands that set an analog output, each with the index of its set-point."""
     levels = np.round(np.clip(values, 0.0, 1.0), LEVEL_DECIMALS)
     changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0).tolist()
     return [(i, f"  set_standard_analog_out({number}, {LEVEL % levels[i]})\n") for i in changes]
@@ -184,6 +214,52 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
             "must be one line without quotes and backslashes."
         )
     return f'  textmsg("{message}"){comment}'
+
+
+def _switch_off(
+    table: SetPointTable, digital: Mapping[str, int], analog: Mapping[str, int | str]
+) -> str:
+    """Return the commands that switch all outputs of a program off."""
+    commands = [f"      set_standard_digital_out({n}, False)\n" for n in digital.values()]
+    for name, number in analog.items():
+        level = LEVEL % table.analog_off[name]
+        commands.append(f"      set_standard_analog_out({_analog_number(name, number)}, {level})\n")
+    return "".join(commands)
+
+
+def _wait_for(
+    wait: TimedWait, inputs: Mapping[str, int], hold: str, cycle: float, switch_off: str
+) -> str:
+    """Return the commands that wait for an input, and end the program if it does not come.
+
+    - `inputs`: numbers of the digital inputs by name.
+    - `hold`: command that repeats the set-point of the rest for one cycle.
+    - `switch_off`: commands that switch all outputs off.
+    """
+    return WAIT.format(
+        input=wait.input,
+        number=inputs[wait.input],
+        within=f"{wait.within:.6g}",
+        count=math.ceil(wait.within / cycle * (1 - CYCLE_ROUNDING)),
+        message=wait_message(wait),
+        hold=hold.rstrip("\n"),
+        switch_off=switch_off,
+    )
+
+
+def _digital_inputs(inputs: Mapping[str, int | str]) -> dict[str, int]:
+    """Check the digital inputs of waits; return their numbers by name."""
+    numbers: dict[str, int] = {}
+    for name, number in inputs.items():
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise InvalidInput(
+                f"The input {name} must be a number, but is {number!r}. Inputs can differ by "
+                f"format, such as inputs: {{{name}: {{urscript: 0}}}}."
+            )
+        if not 0 <= number < INPUTS:
+            raise InvalidInput(f"The input {name} must be from 0 to {INPUTS - 1}, but is {number}.")
+        numbers[name] = int(number)
+    return numbers
 
 
 def _check_table(table: SetPointTable) -> None:
