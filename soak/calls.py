@@ -28,7 +28,16 @@ from armcontour.files.exports import (
     URScriptFormat,
 )
 from armcontour.planning.constraints import SecondOrder
-from armcontour.program import Analog, Lead, Pierce, Switch, Tabs, Weave, smooth_curvature
+from armcontour.program import (
+    Analog,
+    Lead,
+    Pierce,
+    Switch,
+    Tabs,
+    Wait,
+    Weave,
+    smooth_curvature,
+)
 from armcontour.robot import scene
 from armcontour.studies.placement import Placement
 from armcontour.verification import check_interpolation
@@ -67,7 +76,7 @@ INNER = {
     *(
         f"{name}Format.{method}"
         for name in ("Csv", "RosYaml", "URScript", "Template")
-        for method in ("describe", "last_digit", "parts", "write")
+        for method in ("check", "describe", "last_digit", "parts", "write")
     ),
 }
 # Arguments that start processes, or wait for a server.
@@ -200,6 +209,7 @@ def instances() -> Iterator[Any]:
     yield from (ac.Line(start=[0, 0], end=[1, 0]), ac.Arc(start=[1, 0], center=[0, 0], angle=1.0))
     yield from (Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
     yield from (Lead(length=1e-3), Pierce(time=0.1), ac.Rapid(), Switch(), ac.Process())
+    yield Wait("clamp", within=1.0)
     yield from (Tabs(width=1e-3, count=2), Weave(width=1e-3, pitch=1e-3))
     line = {"axis": [0.0, 0.0, 1.0], "origin": [0.5, 0.0, 0.0], "lower": -3.0, "upper": 3.0}
     axis = ac.PositionerAxis(name="turn", velocity=1.0, acceleration=2.0, **line)

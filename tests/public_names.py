@@ -14,7 +14,7 @@ OWNED = {
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",
-    "program": "Analog Lead Pierce Switch Tabs Weave smooth_curvature",
+    "program": "Analog Lead Pierce Switch Tabs Wait Weave smooth_curvature",
     "simulation": "Plant",
     "studies.certification": "Certificate",
     "studies.placement": "Placement",

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from benchmarks import baseline
@@ -174,3 +175,53 @@ def test_the_table_of_linuxcnc_follows_from_the_law_of_its_drives():
     """That LinuxCNC follows this law is tested where it is installed."""
     assert set(paper_table.printed()) == set(paper_table.NAMES)
     assert not paper_table.differences(paper_table.figures(hal_drives.follow))
+
+
+def overridden(points, factor):
+    """Set-points that a controller plays at a fraction of their speed, with lines between them."""
+    since = points.t - points.t[0]
+    t = np.arange(np.ceil(since[-1] / factor / points.cycle) + 1) * points.cycle
+    q = np.column_stack([np.interp(t * factor, since, x) for x in points.q.T])
+    slow = points.trajectory.stretched(factor)
+    return ac.SetPoints(
+        q=q,
+        cycle=points.cycle,
+        trajectory=slow,
+        method="none",
+        start_time=points.start_time / factor,
+    )
+
+
+def test_effect_of_an_override_on_the_gasket_is_computed_again():
+    drawings = ROOT / "examples" / "drawings"
+    job = ac.read_job(drawings / "gasket.dxf", cell=drawings / "laser.yaml")
+    (run,) = job.runs
+    result = ac.run(job, simulate=False).runs[run.name]
+    plan = result.trajectory
+    plant = ac.ServoPlant(job.arm, job.servo, run.limits)
+
+    def largest(points):
+        execution = ac.simulate(points, plant)
+        return 1e6 * ac.evaluate(execution, result.path, limits=run.limits).contour_error.max
+
+    set_points = ac.compensate(plan, job.servo, cycle=run.cycle)
+    reference = ac.compensate(plan, job.servo, ac.NoCompensation(), cycle=run.cycle)
+    laser = plan.events[0]
+    lead = laser.due - laser.t
+    table = page("docs/guides/controllers/moving.md").split("the speed | 100 %")[1]
+    factors = [float(x) / 100 for x in ("100", *numbers(table.splitlines()[0]))]
+    assert factors == [1.0, 0.5, 0.25, 0.1]
+    rows = {
+        "| `set_points`, stretched": [largest(overridden(set_points, f)) for f in factors],
+        "| `reference`, stretched": [largest(overridden(reference, f)) for f in factors],
+        "| `set_points` with": [
+            largest(ac.compensate(plan.stretched(f), job.servo, cycle=run.cycle)) for f in factors
+        ],
+        # The device takes the lead time, in which the plan advances by a fraction of it only.
+        "| laser on": [
+            1e3 * float(plan.s(laser.due) - plan.s(laser.t + f * lead)) for f in factors
+        ],
+    }
+    for begin, values in rows.items():
+        (line,) = (x for x in table.splitlines() if x.startswith(begin))
+        is_printed(values, numbers(line.split("|", 2)[2]))

@@ -28,7 +28,8 @@ QUANTITIES = {
     "--rate": "quantity [Hz]",
     "--point-tolerance": "quantity [rad]",
     **dict.fromkeys(
-        ("--tolerance", "--total-tolerance", "--resume-at", "--servo-error"), "quantity [m]"
+        ("--tolerance", "--total-tolerance", "--resume-at", "--rejoin", "--servo-error"),
+        "quantity [m]",
     ),
     **dict.fromkeys(("--cycle", "--drive-cycle", "--from", "--to"), "quantity [s]"),
 }

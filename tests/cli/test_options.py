@@ -65,7 +65,10 @@ def test_an_option_sets_a_key_that_a_job_has(option):
 
 def test_every_exported_format_and_its_points_have_options():
     keys = {x.key for topic in (EXPORTS, EXPORTED_POINTS) for x in topic.options}
-    assert keys == {f"export.{x}" for x in key_fields(Exports)} - {"export.outputs"}
+    assert keys == {f"export.{x}" for x in key_fields(Exports)} - {
+        "export.outputs",
+        "export.inputs",
+    }
 
 
 def test_options_have_different_names_and_keys():

@@ -107,6 +107,18 @@ def test_a_robot_whose_drives_fail_resumes_where_it_left_the_path(trip):
     assert np.linalg.norm(commanded - tool) > 5e-3
 
 
+def test_a_stop_after_an_overlap_states_the_place_in_the_whole_job():
+    job = resuming.resume(parse_job(resuming.PLANAR), 0.06)
+    again = replace(job, process=replace(job.process, rejoin=0.02))
+    played = stopped(again, 0.4)
+    tool = job.arm.tool_position(played.record.measured[-1])
+    beyond = float(job.program.path.project(tool[None]).s[0]) - resumed_at(played)
+    # The tool stops in or near the rounded corner.
+    assert 0 <= beyond < REPEATED + 0.5e-3
+    start = resuming.plan_of(again).objective.contours[0].path(0.0)
+    np.testing.assert_allclose(start, [0.34, 0.16], atol=1e-9)
+
+
 def test_a_complete_motion_has_no_place_to_resume():
     played = stopped(parse_job(resuming.PLANAR), 99.0)
     assert played.stopped_at is None

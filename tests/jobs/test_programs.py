@@ -16,7 +16,7 @@ from armcontour.files.job_file import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.run_plan import plan_one, prepare_program
-from armcontour.program import Contour, Event, Lead, Process, Program, Switch
+from armcontour.program import Contour, Event, Lead, Pierce, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 SQUARE = Path.polyline([[0.28, 0.1], [0.36, 0.1], [0.36, 0.16], [0.28, 0.16], [0.28, 0.1]])
@@ -56,6 +56,29 @@ def planned(done):
 def after(contour):
     """Length of the lead-out."""
     return contour.path.length - contour.at_work[1]
+
+
+@pytest.mark.parametrize("approach", [0.0, 5e-3])
+def test_tool_pierces_at_the_start_of_its_contour(approach):
+    arm = ARM if not approach else ac.load_arm("ur5e")
+    height = np.array([0.0, 0.0, 0.0]) if arm is ARM else np.array([0.05, 0.0, 0.2])
+    contours = [Contour(path=Path.polyline([(x, 0.2), (x, 0.23)])) for x in (0.30, 0.34, 0.38)]
+    if arm is not ARM:
+        lines = (x.path.vertices for x in contours)
+        lifted = (np.column_stack([x, np.zeros(2)]) + height for x in lines)
+        contours = [Contour(path=Path.polyline(x).pointing((0, 0, -1))) for x in lifted]
+    pierced = Process(switch=Switch("torch"), pierce=Pierce(0.3), dwell=0.1, approach=approach)
+    case = job(pierced, *contours, arm=arm, limits=LIMITS if arm is ARM else arm.limits)
+    plan = plan_one(case, case.runs[0], clear=False)
+    trajectory = plan.trajectory
+    on = [x for x in trajectory.events if x.value]
+    assert len(on) == 3
+    for event, span, contour in zip(on, trajectory.contour_spans, contours, strict=True):
+        assert span.t[0] - event.t == pytest.approx(0.3, abs=1e-9)
+        # The tool rests at the start from before the switch until the contour begins.
+        t = np.linspace(span.t[0] - 0.4, span.t[0], 20)
+        tool = arm.tool_position(trajectory(t))
+        np.testing.assert_allclose(tool, np.tile(contour.path(0.0), (20, 1)), atol=1e-6)
 
 
 def test_automatic_leads_follow_the_settings_of_layers_and_the_new_order():

@@ -97,6 +97,35 @@ def test_a_collision_in_the_kept_configuration_is_refused():
     assert "post" in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["planar", "leads", "drawing"])
+def test_overlap_begins_in_the_configuration_of_the_whole_job(name):
+    job, whole = resuming.whole_plan(name)
+    resume_at = 0.6 * float(resuming.work_lengths(whole)[-1])
+    resumed = resuming.resume(job, resume_at)
+    rest = resuming.plan_of(replace(resumed, process=replace(resumed.process, rejoin=3e-3)))
+    joints, gap, off_place = resuming.compare(whole, rest, resume_at - 3e-3)
+    assert off_place < resuming.SAME_PLACE
+    assert joints < resuming.SAME_JOINTS + resuming.JOINTS_PER_DISTANCE * gap
+    left = resuming.work_lengths(whole)[-1] - resuming.work_lengths(rest)[-1]
+    assert left == pytest.approx(resume_at - 3e-3, abs=1e-9)
+    assert any("3 mm before" in x for x in rest.remarks)
+
+
+def test_overlap_of_a_job_file_and_of_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = resuming.PLANAR + "process: {resume_at: 80 mm, rejoin: 5 mm}\n"
+    (rest,) = ac.run(parse_job(text), simulate=False).runs.values()
+    # Closed contours of a process start in the middle of a side: here, the corner is at 30 mm.
+    np.testing.assert_allclose(rest.objective.contours[0].path(0.0), [0.36, 0.205], atol=1e-9)
+    (tmp_path / "job.yaml").write_text(resuming.PLANAR, encoding="utf-8")
+    words = ["run", "job.yaml", "--out", "rest", "--resume-at", "80 mm", "--rejoin", "5 mm"]
+    code, printed, _ = run_command(words)
+    assert code == 0 and "5 mm before 80 mm" in " ".join(printed.split())
+    planned = np.loadtxt(tmp_path / "rest/only/planned.csv", delimiter=",", skiprows=1)
+    start = ac.load_arm("pmk3s").tool_position(planned[0, 1:3])
+    np.testing.assert_allclose(start, [0.36, 0.205], atol=1e-6)
+
+
 def test_the_command_line_keeps_the_configuration_and_says_so(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "job.yaml").write_text(resuming.PLANAR, encoding="utf-8")

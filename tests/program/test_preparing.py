@@ -352,6 +352,40 @@ def test_a_program_resumed_on_a_later_contour_has_the_earlier_output_states():
     assert c.path is BEND
 
 
+@pytest.mark.parametrize(
+    # Where the rest begins on the second contour: rejoin before the place, or its start [m].
+    ("resume_at", "rejoin", "begin"),
+    [(0.17, 0.0, 0.07), (0.17, 0.02, 0.05), (0.17, 0.07, 0.0), (0.17, 0.3, 0.0), (0.1, 0.02, 0.0)],
+)
+def test_a_resumed_program_processes_the_end_of_the_finished_part_again(resume_at, rejoin, begin):
+    drawn = program(BEND, Contour(path=SQUARE, name="b"), Contour(path=BEND, name="c"))
+    switch = Switch("laser")
+    process = Process(begin="drawn", switch=switch, resume_at=resume_at, rejoin=rejoin)
+    rest = prepare(drawn, process)
+    b, c = rest.contours
+    assert (b.name, c.name) == ("b", "c") and c.path.length == BEND.length
+    np.testing.assert_allclose(b.path(0.0), SQUARE(begin), atol=1e-12)
+    assert b.path.length == pytest.approx(SQUARE.length - begin, abs=1e-12)
+    assert rest.resumed_at == pytest.approx(0.1 + begin, abs=1e-12)
+    # The process is on from the start of the overlap.
+    assert [(x.value, x.s) for x in b.events] == [(True, 0.0), (False, b.path.length)]
+
+
+def test_an_overlap_has_a_lead_in_on_the_finished_part():
+    lead = Lead(length=0.02)
+    made = only(BEND, Process(lead_in=lead, resume_at=0.06, rejoin=0.005))
+    points = [[0.335, 0.2], [0.35, 0.2], [0.35, 0.205], [0.35, 0.25]]
+    np.testing.assert_allclose(made.path.vertices, points, atol=1e-12)
+    assert made.work == pytest.approx((0.02, 0.065), abs=1e-12)
+
+
+def test_an_overlap_goes_back_into_the_lap_before():
+    laps = Process(begin="drawn", passes=2, resume_at=0.21, rejoin=0.03)
+    made = only(SQUARE, laps)
+    np.testing.assert_allclose(made.path(0.0), SQUARE(0.18), atol=1e-12)
+    assert made.path.length == pytest.approx(0.22, abs=1e-12)
+
+
 def test_a_program_resumes_at_an_end_within_a_contour_and_at_an_event():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
     made = only(drawn, Process(resume_at=BEND.length))

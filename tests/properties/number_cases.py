@@ -194,6 +194,7 @@ _PROCESS = {
     ],
     "analog": [_POWER],
     "resume_at": 0.0,
+    "rejoin": 0.0,
     "lift": 0.0,
 }
 _CUT = {
@@ -210,6 +211,7 @@ _CUT = {
     "passes": 1,
     "tabs": {"count": 1, "width": 1e-3},
 }
+_WAIT = {"input": "clamp", "within": 2.0, "rest": 0.1}
 _PIERCED = {"switch": {}, "pierce": {"time": 0.1, "height": 1e-3}}
 _WOVEN = {"weave": {"width": 1e-3, "pitch": 0.01}}
 _TIMED = {"weave": {"width": 2e-3, "frequency": 2.0, "dwell": 0.05, "speed": 0.01}}
@@ -331,6 +333,8 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={"begin": 0.01}, path=_CLOSED),
     _with(PLANE, process={"kerf": 2e-4, "by_layer": {"": {"kerf": 2e-4}}}, path=_CLOSED),
     _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
+    _with(PLANE, process={"wait": _WAIT, "by_layer": {"": {"wait": _WAIT}}}),
+    _with(PLANE, process={"wait": [_WAIT], "by_layer": {"": {"wait": [_WAIT]}}}),
     _with(PLANE, process={**_TIMED, "by_layer": {"": _TIMED}}),
     _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),
@@ -352,8 +356,10 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, certificate=_CERTIFIED | {"box": {"dead_time": 1e-4, "shared": True}}),
     _with(PLANE, certificate=_CERTIFIED | {"slowest": 1.5}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
-    _with(PLANE, export={"formats": ["urscript"], "outputs": {"a": {"urscript": 1}}}),
-    _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "tolerances": 2.0,
+    _with(PLANE, export={"formats": ["urscript"], "outputs": {"a": {"urscript": 1}},
+                         "inputs": {"a": {"urscript": 1}}}),
+    _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "inputs": {"a": 1},
+                         "tolerances": 2.0,
                          "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),
     {**SPACE, "path": _ABOUT},
     *(

@@ -118,6 +118,7 @@ def _write_export(
         derivatives=options.derivatives,
         analog=analog_outputs(result.path, result.trajectory, job.process, result.run.limits),
     )
+    format.check(table)
     sentences = list[str]()
     if isinstance(format, formats.RosYamlFormat):
         sentences += _acceleration_warnings(table, result)
@@ -138,7 +139,8 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
 
     run = read_run(options.result, options.run_name)
     patch, names = read_patch(options)
-    data = {"outputs": dict(run.outputs)} | {str(keys[-1]): x for keys, x in patch.items()}
+    signals = {"outputs": dict(run.outputs), "inputs": dict(run.inputs)}
+    data = signals | {str(keys[-1]): x for keys, x in patch.items()}
     with naming_options_in_errors(names), error_context("export"):
         chosen = read_keys(Exports, {"formats": [kind], **data})
     format = formats.format_named(kind, chosen)
@@ -149,6 +151,13 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     formats.check_outputs(
         formats.outputs_of(format), known, option="outputs", owner=f"the run {run.name}"
     )
+    formats.check_inputs(
+        formats.inputs_of(format),
+        formats.table_inputs(table),
+        option="inputs",
+        owner=f"the run {run.name}",
+    )
+    format.check(table)
     table = format.select(table)
     refuse_existing(file, options.force)
     formats.write_destination(file, partial(format.write, table))

@@ -101,6 +101,13 @@ SPEED = Topic(
             "with overlaps and without leads or rounding, such as '5 mm'.",
             read=to_quantity,
         ),
+        JobOption(
+            "--rejoin",
+            "process.rejoin",
+            "Length before --resume-at that is processed again, not beyond the start of the "
+            "contour, such as '3 mm'.",
+            read=to_quantity,
+        ),
     ),
 )
 FIRST_RUN = Topic(

@@ -413,7 +413,16 @@ def plan_played(
     The run has all limits of the arm, and at least the reserve, also for changes of the override.
 
     - `at_full_speed`: whether the run's speed factor is ignored.
+
+    Raises:
+        InvalidInput: The job waits for an input.
     """
+    if job.process.waits:
+        raise InvalidInput(
+            f"A motion that is played cannot wait for an input, but process.wait waits for "
+            f"{job.process.waits[0].input}. Add --process-off (process.off), remove process.wait, "
+            "or export a program (urscript, kuka or abb), which waits."
+        )
     chosen = choose_run(job, run_name, "played")
     limits = resolve_limits("play", job.arm, chosen.limits)
     least = PLAYED_JERK_RESERVE if limits.limits_jerk else PLAYED_RESERVE

@@ -28,6 +28,7 @@ from armcontour.files.csv_table import (
 from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.exports.export_table import (
     EVENT_KEYS,
+    WAIT_KEYS,
     SetPointTable,
     equals_plan,
     regular_times,
@@ -46,7 +47,7 @@ from armcontour.files.joint_table import (
 )
 from armcontour.files.result_folder import SUMMARY, verify_file
 from armcontour.files.ros_table import joint_state_titles, name_joints
-from armcontour.motion import Samples, TimedEvent
+from armcontour.motion import Samples, TimedEvent, TimedWait
 from armcontour.motion.log import match_joints, raise_other_joints
 from armcontour.robot import Limits
 
@@ -368,6 +369,8 @@ class StoredRun:
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
     limited: bool = False  # Whether the set-points have command limits
     outputs: Mapping[str, Any] = field(default_factory=dict)  # As `outputs` of `Exports`
+    inputs: Mapping[str, Any] = field(default_factory=dict)  # As `inputs` of `Exports`
+    waits: tuple[TimedWait, ...] = ()  # Waits for inputs, with times since the start of the plan
     external: tuple[int, ...] = ()  # Indices of external axes
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
@@ -379,6 +382,7 @@ class StoredRun:
             name=f"{self.title} {self.name} set_points",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
+            waits=tuple(x.shifted(-start) for x in self.waits),
             start_time=start,
             joint_names=self.joint_names,
             prismatic=tuple(x is True for x in stored.prismatic),
@@ -428,6 +432,8 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             plain=about.get("compensation") == "none",
             limited="command_use" in about,
             outputs=dict(about.get("outputs", {})),
+            inputs=dict(about.get("inputs", {})),
+            waits=tuple(TimedWait(**{x: w[x] for x in WAIT_KEYS}) for w in about.get("waits", ())),
             external=tuple(data["arm"].get("external", ())),
         )
     except InvalidInput:

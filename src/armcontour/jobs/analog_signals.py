@@ -14,7 +14,7 @@ from armcontour.geometry import ShapedPath
 from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Analog, Process, Program, contour_called
-from armcontour.program.moves import SPINDLE_SPEED, events_of
+from armcontour.program.moves import SPINDLE_SPEED, SWITCHED_ON, events_of
 from armcontour.robot import Limits
 
 Values = Callable[[FloatArray], FloatArray]
@@ -108,7 +108,7 @@ def _values(
         if output is None:
             continue
         process = states.process.of_contour(contour)
-        begin, end = _times_on(span, process)
+        begin, end = _times_on(span, process, trajectory)
         # The output is switched earlier than the tool arrives, by the lead time.
         lead = output.lead_time
         first, last = np.searchsorted(times, [begin - lead, end - lead])
@@ -134,12 +134,17 @@ def _values(
     return values
 
 
-def _times_on(span: Span, process: Process) -> tuple[float, float]:
+def _times_on(span: Span, process: Process, trajectory: Trajectory) -> tuple[float, float]:
     """Return the times at which a contour's process is switched on and off [s]."""
     assert span.work is not None
     begin, end = span.work
     if process.begins_on:
         begin = span.t[0] - (0.0 if process.pierce is None else process.pierce.time)
+    late_waits = process.waits_at(SWITCHED_ON)
+    if late_waits:
+        # The last waits before the contour are its own.
+        starts = [x.t for x in trajectory.waits if x.t < span.t[0]]
+        begin = starts[-len(late_waits)]
     return begin, span.t[1] if process.ends_on else end
 
 

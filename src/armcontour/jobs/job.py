@@ -82,6 +82,8 @@ class Exports(Checked):
         formats: Formats by name, such as csv, or a template such as house.j2.
         outputs: Output of each event and analog output of the process, by name, such as `{laser: 0,
             power: AO0}`; or one per format, such as `{laser: {kuka: 17, abb: doLaser}}`.
+        inputs: Input of the robot for each wait of the process, such as `{clamp: 3}`, or one per
+            format, such as `{clamp: {kuka: 5, abb: diClamp}}`.
         tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
             the predicted joint errors, at least 1; by default no goal is written.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
@@ -96,6 +98,7 @@ class Exports(Checked):
 
     formats: Sequence[str] = ()
     outputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
+    inputs: Mapping[str, int | str | Mapping[str, int | str]] = field(default_factory=dict)
     tolerances: Factor | None = None
     cycle: Interval | None = None
     derivatives: Annotated[int, AtLeast(0, 2)] | None = None
@@ -111,7 +114,7 @@ class Exports(Checked):
             raise InvalidInput(
                 f"tolerances must be at least 1, but is {self.tolerances:g}.", allowed=1.0
             )
-        if self.formats or self.outputs:
+        if self.formats or self.outputs or self.inputs:
             load_method("check_formats")(self)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
@@ -120,15 +123,30 @@ class Exports(Checked):
         Args:
             format: Name of the format, or path of a template.
         """
-        # Templates are named without their folder.
-        key = PurePath(format).name
-        chosen: dict[str, int | str] = {}
-        for name, output in self.outputs.items():
-            if not isinstance(output, Mapping):
-                chosen[name] = output
-            elif key in output:
-                chosen[name] = output[key]
-        return chosen
+        return _choose_signals(self.outputs, format)
+
+    def inputs_for(self, format: str) -> dict[str, int | str]:
+        """Map inputs for which the robot waits to its inputs in a format.
+
+        Args:
+            format: Name of the format, or path of a template.
+        """
+        return _choose_signals(self.inputs, format)
+
+
+def _choose_signals(
+    signals: Mapping[str, int | str | Mapping[str, int | str]], format: str
+) -> dict[str, int | str]:
+    """Return the outputs or inputs of a format, by name."""
+    # Templates are named without their folder.
+    key = PurePath(format).name
+    chosen: dict[str, int | str] = {}
+    for name, signal in signals.items():
+        if not isinstance(signal, Mapping):
+            chosen[name] = signal
+        elif key in signal:
+            chosen[name] = signal[key]
+    return chosen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -432,8 +450,8 @@ class Job(Checked):
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
         scene: Obstacles in the cell; None if they are unknown.
-        export: Files for robot controllers that the command `run` writes; they name no outputs if
-            the process is off.
+        export: Files for robot controllers that the command `run` writes; they name neither outputs
+            nor inputs if the process is off.
         part: Part frame, with which the path is already transformed.
 
     Raises:
@@ -483,7 +501,7 @@ class Job(Checked):
         with error_context("process"):
             check_process(program, self.process)
         if self.process.off:
-            object.__setattr__(self, "export", replace(self.export, outputs={}))
+            object.__setattr__(self, "export", replace(self.export, outputs={}, inputs={}))
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job must have at least one run, and runs must differ in name.")

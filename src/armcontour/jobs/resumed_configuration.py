@@ -16,9 +16,10 @@ from armcontour.geometry import ShapedPath
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.planning import Tracing
 from armcontour.planning.program_tracing import TracedWhole
-from armcontour.program import Contour, Event, Program
+from armcontour.program import Contour, Event, Process, Program
 from armcontour.program.corner_rounding import draw_with_arcs
 from armcontour.program.moves import Move
+from armcontour.program.preparation import find_resumed_place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,12 +28,15 @@ class Resumption:
 
     Args:
         resume_at: Arc length at which the job is resumed [m].
+        begin: Arc length at which the rest begins, before `resume_at` by the part that is processed
+            again [m]; None if the whole job has no joint path.
         whole: Joint path of the whole job at this place; None if the whole job has none.
         notes: Notes on the joint path of the whole job, as of `alternatives`.
         reason: Why the whole job has no joint path, as a sentence; empty if it has one.
     """
 
     resume_at: float
+    begin: float | None = None
     whole: TracedWhole | None = None
     notes: tuple[str, ...] = ()
     reason: str = ""
@@ -42,8 +46,12 @@ class Resumption:
         """Note that the configuration of the whole job is kept; empty if it is not."""
         if self.whole is None:
             return ""
+        place = number(self.resume_at, "m")
+        if self.begin is not None and self.resume_at - self.begin > REPEATED_POINT:
+            overlap = number(self.resume_at - self.begin, "m")
+            place = f"{number(self.begin, 'm')}, {overlap} before {place},"
         return (
-            f"resumed at {number(self.resume_at, 'm')} in the configuration of the whole job, with "
+            f"resumed at {place} in the configuration of the whole job, with "
             "its joint positions at this place."
         )
 
@@ -106,27 +114,27 @@ class ResumedPlace:
     Args:
         number: Index of the contour in the program.
         s: Arc length of the contour, with its lead-in and sharp corners [m].
+        begin: Arc length over all contours, without leads [m].
     """
 
     number: int
     s: float
+    begin: float
 
     @classmethod
-    def find(cls, objective: Program, resume_at: float) -> ResumedPlace | None:
-        """Find a place in the prepared program of the whole job; None if it is after its end.
+    def find(cls, objective: Program, process: Process) -> ResumedPlace | None:
+        """Find the place in the prepared program of the whole job; None if it is after its end.
 
-        `resume_at`: arc length over all contours, without leads [m].
+        `process`: the process that resumes the job.
         """
         works = [contour.at_work for contour in objective.contours]
         # Arc lengths over all contours, without leads, at which the contours start and end.
         breaks = np.cumsum([0.0, *(end - start for start, end in works)])
-        # The end of a contour counts as the start of the next contour.
-        number = int(np.searchsorted(breaks, resume_at + REPEATED_POINT, side="right")) - 1
+        number, s = find_resumed_place(breaks, process)
         if number >= len(works):
             return None
         start, end = works[number]
-        s = min(start + max(resume_at - float(breaks[number]), 0.0), end)
-        return cls(number=number, s=s)
+        return cls(number=number, s=min(start + s, end), begin=float(breaks[number]) + s)
 
     def traced(self, tracing: Tracing, s: float) -> TracedWhole:
         """Return the joint path of the whole contour at the place, and those of the later moves.

@@ -411,6 +411,9 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     if job is not None and job.export.outputs:
         outputs = job.export.outputs.items()
         yield Row("outputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in outputs})
+    if job is not None and job.export.inputs:
+        inputs = job.export.inputs.items()
+        yield Row("inputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in inputs})
     single = path.single_path
     yield Row("merged_points", () if single is None else single.merged)
     yield from shaping_rows(path)
@@ -525,23 +528,27 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
             [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
         )
     if single is None:
-        yield _move_table(result, 0.0 if job is None else job.process.resume_at)
+        yield _move_table(result)
         yield Table(
             "events",
             _columns(name="", value="", t="s", due="s", s="m", point="m"),
             [(x.name, x.value, x.t, x.due, x.s, x.point) for x in trajectory.events],
         )
+        yield Table(
+            "waits",
+            _columns(input="", within="s", at="", t="s", rest="s"),
+            [(x.input, x.within, x.at, x.t, x.rest) for x in trajectory.waits],
+        )
     if result.evaluation is not None:
         yield from result.evaluation.to_data().tables
 
 
-def _move_table(result: RunRecord, begin: float) -> Table:
-    """List the moves of a program with their times; only rows of contours have all values.
-
-    `begin`: `resume_at` of the process [m].
-    """
+def _move_table(result: RunRecord) -> Table:
+    """List the moves of a program with their times; only rows of contours have all values."""
     # As values of `resume_at`, start and end of a contour are cumulated working lengths.
-    ends = begin + np.cumsum([0.0, *map(work_length, result.objective.contours)])
+    ends = result.objective.resumed_at + np.cumsum(
+        [0.0, *map(work_length, result.objective.contours)]
+    )
     errors = () if result.judged is None else result.judged.contours
     contours = enumerate(result.path.contours)
     rows = list[tuple[Any, ...]]()

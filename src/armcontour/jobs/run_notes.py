@@ -82,6 +82,12 @@ def remarks(result: RunRecord) -> Iterator[str]:
     """Yield notes about plan and execution that are not warnings."""
     if result.resumption is not None and (remark := result.resumption.remark):
         yield remark
+    if waits := result.trajectory.waits:
+        names = list_some(list(dict.fromkeys(x.input for x in waits)), MAX_NAMES)
+        yield (
+            f"exported programs wait for inputs ({names}) {count_noun(len(waits), 'time')}. The "
+            "duration contains the rests, but not the time of the waits."
+        )
     yield from result.path.remarks
     yield from (x.sentence for x in result.weaves if not x.differs)
     if result.set_points is not None and (used := result.set_points.command_note):

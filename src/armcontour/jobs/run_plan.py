@@ -119,7 +119,7 @@ def find_resumption(
     report = subprogress(progress)
     try:
         objective = prepare_program(whole_job, run, report)
-        place = ResumedPlace.find(objective, resume_at)
+        place = ResumedPlace.find(objective, job.process)
         if place is None:
             # `prepare_program` refuses the arc length.
             return None
@@ -131,7 +131,12 @@ def find_resumption(
             traced, notes = first_clear(whole_job, run, traced, report)
     except ArmContourError as error:
         return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
-    return Resumption(resume_at=resume_at, whole=place.traced(traced, float(s)), notes=notes)
+    return Resumption(
+        resume_at=resume_at,
+        begin=place.begin,
+        whole=place.traced(traced, float(s)),
+        notes=notes,
+    )
 
 
 @contextmanager
@@ -196,7 +201,11 @@ def find_leads(job: Job, run: Run, resumption: Resumption | None = None) -> list
     run = dataclasses.replace(run, rounding=rounding, timing=timing, speed_factor=None)
     process = job.process
     # The contours are arranged first, so they have their direction already.
-    changes: dict[str, Any] = {**dict.fromkeys(KEYS_WITHOUT_LEADS), "direction": "drawn"}
+    changes: dict[str, Any] = {
+        **dict.fromkeys(KEYS_WITHOUT_LEADS),
+        "direction": "drawn",
+        "wait": (),
+    }
     without_leads = dataclasses.replace(
         process,
         **changes,

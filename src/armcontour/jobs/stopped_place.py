@@ -121,7 +121,7 @@ def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> Sto
     works = [contour.at_work for contour in objective.contours]
     lengths = np.cumsum([0.0, *(end - start for start, end in works)])
     # A job that was resumed itself counts from the start of the whole job.
-    breaks = job.process.resume_at + lengths
+    breaks = objective.resumed_at + lengths
     for number, span in enumerate(planned.trajectory.contour_spans):
         name = contour_called(objective.contours[number], number)
         if time <= span.t[0]:

@@ -10,7 +10,9 @@ _HOME = {
     "joint_path": "JointPath",
     "laws": "LapLaw Law LawAlongPath PathLaw Rates dwell_law",
     "log": "Log",
-    "trajectory": "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent Trajectory arm_of",
+    "trajectory": (
+        "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent TimedWait Trajectory arm_of"
+    ),
     "armcontour.core.quintics": "quintic",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -24,5 +24,6 @@ from armcontour.motion.trajectory import Method as Method
 from armcontour.motion.trajectory import Samples as Samples
 from armcontour.motion.trajectory import Span as Span
 from armcontour.motion.trajectory import TimedEvent as TimedEvent
+from armcontour.motion.trajectory import TimedWait as TimedWait
 from armcontour.motion.trajectory import Trajectory as Trajectory
 from armcontour.motion.trajectory import arm_of as arm_of

@@ -135,6 +135,29 @@ class TimedEvent:
         return replace(self, t=self.t + by, due=self.due + by) if by else self
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedWait:
+    """A wait for an input of the robot, at a rest of a trajectory that does not contain its time.
+
+    Args:
+        input: Name of the input.
+        within: Longest time that the robot waits [s].
+        at: "start" with the process off, or "switched_on" right after it is switched on.
+        t: Time at which the rest begins [s].
+        rest: Duration of the rest [s].
+    """
+
+    input: str
+    within: float
+    at: str
+    t: float
+    rest: float
+
+    def shifted(self, by: float) -> TimedWait:
+        """Return the wait delayed by a time [s]."""
+        return replace(self, t=self.t + by) if by else self
+
+
 class TimesOfLaw(NamedTuple):
     """The requested times, or arc lengths, that belong to one law of a trajectory.
 
@@ -185,6 +208,7 @@ class Trajectory(Checked):
         spans: Parts of the trajectory by the moves of the program, in order; empty for a single
             path.
         events: Outputs that are switched during the motion, by time; empty by default.
+        waits: Waits for inputs of the robot, by time; empty by default.
         limits: Limits with which the trajectory was planned, without the reserve; None if it was
             not planned with limits.
         reserve: Fraction of the joint acceleration and torque limits reserved for the servo.
@@ -204,6 +228,7 @@ class Trajectory(Checked):
     stretches: tuple[LawPhase, ...] = ()
     spans: tuple[Span, ...] = ()
     events: tuple[TimedEvent, ...] = ()
+    waits: tuple[TimedWait, ...] = ()
     limits: Limits | None = None
     reserve: float = 0.0
     arm: Arm | None = None
@@ -323,12 +348,16 @@ class Trajectory(Checked):
             due = float(np.interp(event.due, [0.0, *ends], [0.0, *slow_ends]))
             lead_time = event.due - event.t
             events.append(replace(event, due=due, t=due - lead_time))
+        slow_starts = np.interp([x.t for x in self.waits], [0.0, *ends], [0.0, *slow_ends])
+        pairs = zip(self.waits, slow_starts.tolist(), strict=True)
+        waits = tuple(replace(wait, t=t) for wait, t in pairs)
         return replace(
             self,
             laws=tuple(laws),
             stretches=tuple(x.stretched(speed_factor) for x in self.stretches),
             spans=spans,
             events=tuple(sorted(events, key=lambda x: x.t)),
+            waits=waits,
             speed_factor=self.speed_factor * speed_factor,
         )
 

@@ -19,6 +19,7 @@ from armcontour.motion import (
     PathLaw,
     Span,
     TimedEvent,
+    TimedWait,
     Trajectory,
     arm_of,
     dwell_law,
@@ -28,7 +29,7 @@ from armcontour.planning.law_checks import check_limits
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions
-from armcontour.program import Contour, Dwell, Event
+from armcontour.program import Contour, Dwell, Event, Wait
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import LIMITS, reduce_limits
 
@@ -139,6 +140,9 @@ class JoinedMoves:
     laws: list[Law] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     events: list[TimedEvent] = field(default_factory=list)
+    waits: list[TimedWait] = field(default_factory=list)
+    # Number of events before each wait.
+    events_before: list[int] = field(default_factory=list)
 
     def add(self, step: TracedMove, trajectory: Trajectory | None) -> None:
         """Append the next step of the program.
@@ -147,6 +151,8 @@ class JoinedMoves:
         """
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
+            if move.wait is not None:
+                self._add_wait(move.wait)
             self.add_dwell(move.duration, step.move)
             return
         if isinstance(move, Event):
@@ -201,6 +207,7 @@ class JoinedMoves:
                 allowed=0.0,
             )
         self._refuse_disorder()
+        self._refuse_events_in_waits()
         assert self.last_contour is not None
         single_path = self.traced.program.single_path
         return Trajectory(
@@ -211,6 +218,7 @@ class JoinedMoves:
             stretches=() if single_path is None else self.last_contour.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
+            waits=tuple(self.waits),
         )
 
     def _refuse_disorder(self) -> None:
@@ -230,6 +238,30 @@ class JoinedMoves:
                     allowed=before.t,
                 )
             last_events[event.name] = event
+
+    def _refuse_events_in_waits(self) -> None:
+        """Raise InvalidInput if an event of one side of a wait is due on its other side.
+
+        While the robot waits, its program does not switch outputs.
+        """
+        for wait, count in zip(self.waits, self.events_before, strict=True):
+            late = [x for x in self.events[:count] if x.t > wait.t + SAME_TIME]
+            early = [x for x in self.events[count:] if x.t < wait.t + wait.rest - SAME_TIME]
+            for event in (*late, *early):
+                remedy = "Reduce its advance" if event in early else "Reduce its delay"
+                raise InvalidInput(
+                    f"{event.name} would be switched at {event.t:.6g} s, while the robot waits for "
+                    f"{wait.input} at {wait.t:.6g} s. {remedy}, or remove the wait.",
+                    t=event.t,
+                    allowed=wait.t,
+                )
+
+    def _add_wait(self, wait: Wait) -> None:
+        """Append a wait at the end of the moves added so far."""
+        self.waits.append(
+            TimedWait(input=wait.input, within=wait.within, at=wait.at, t=self.t, rest=wait.rest)
+        )
+        self.events_before.append(len(self.events))
 
     @property
     def _q(self) -> FloatArray:

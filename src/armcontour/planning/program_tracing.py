@@ -242,6 +242,9 @@ class _Tracer:
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None  # Joint path of the previous move
     first: JointPath | None = None  # Joint path of the first contour, if known
+    # Index among the steps of the last rapid without a path, at which a gap to the next path is
+    # closed; None for the place right before this path.
+    rapid_step: int | None = None
     done: int = 0  # Number of traced contours
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
@@ -260,6 +263,8 @@ class _Tracer:
             self.steps.append(TracedMove(move=i))
         elif move.path is not None:
             self._rapid(i, move.path)
+        else:
+            self.rapid_step = len(self.steps)
 
     def _rapid(self, i: int, path: Path) -> None:
         """Add a rapid along a path, named after the next contour, or else the previous one."""
@@ -290,7 +295,11 @@ class _Tracer:
                 # Dwells and events before the first path are at its start, after this line.
                 self.steps.insert(0, TracedMove(move=None, joint_path=line, called=TO_FIRST))
             else:
-                self.steps.append(TracedMove(move=None, joint_path=line, called=called))
+                # Dwells and events after a rapid without a path are at its end.
+                index = len(self.steps) if self.rapid_step is None else self.rapid_step
+                step = TracedMove(move=None, joint_path=line, called=called)
+                self.steps.insert(index, step)
+        self.rapid_step = None
         self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
         self.last = joint_path
 
@@ -355,7 +364,9 @@ class _Tracer:
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
-        trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
+        trial = replace(
+            self, steps=[], last=joint_path, rapid_step=None, done=done, looks_ahead=False
+        )
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + LOOK_AHEAD:
                 break

@@ -127,7 +127,7 @@ def next_rest(trajectory: Trajectory, t: float) -> float:
 
 def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
     """Cut a trajectory at a time; the result has no spans and no events."""
-    plain = replace(trajectory, stretches=(), spans=(), events=())
+    plain = replace(trajectory, stretches=(), spans=(), events=(), waits=())
     if t >= trajectory.duration:
         return plain
     k = max(int(np.searchsorted(trajectory.starts, t)) - 1, 0)

@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "kerf": "cut_parts idle_parts",
-    "moves": "Contour Dwell Event Move Program Rapid contour_called",
+    "moves": "Contour Dwell Event Move Program Rapid Wait contour_called",
     "preparation": "arrange_contours prepare set_limits",
     "process": "Analog ContourProcess LayerProcess Lead Leads Pierce Process Switch Tabs",
     "corner_rounding": "draw_with_arcs round_corners smooth_curvature",

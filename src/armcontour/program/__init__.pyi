@@ -10,6 +10,7 @@ from armcontour.program.moves import Event as Event
 from armcontour.program.moves import Move as Move
 from armcontour.program.moves import Program as Program
 from armcontour.program.moves import Rapid as Rapid
+from armcontour.program.moves import Wait as Wait
 from armcontour.program.moves import contour_called as contour_called
 from armcontour.program.preparation import arrange_contours as arrange_contours
 from armcontour.program.preparation import prepare as prepare

@@ -19,6 +19,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose
 from armcontour.core.quantities import (
     AtLeast,
+    Choice,
     Distance,
     Interval,
     Key,
@@ -26,6 +27,7 @@ from armcontour.core.quantities import (
     Name,
     NeededName,
     PlainNumber,
+    Rest,
     Speed,
     Time,
 )
@@ -44,6 +46,12 @@ SPINDLE_SPEED = "spindle speed"
 # A repeated program has at most this number of moves, and of segments. Planning more takes minutes.
 MAX_MOVES = 100_000
 MAX_SEGMENTS = 1_000_000
+# Places of a wait for an input: with the process off, or right after it is switched on.
+AT_START = "start"
+SWITCHED_ON = "switched_on"
+WAIT_PLACES = (AT_START, SWITCHED_ON)
+# Time at rest at a wait [s], which is longer than the dead times of usual controllers.
+WAIT_REST = 0.1
 Copies = Annotated[int, AtLeast(1, MAX_MOVES)]
 
 
@@ -231,6 +239,33 @@ class Rapid(Checked):
 
 
 @declared()
+class Wait(Checked):
+    """A wait for a digital input of the robot before a contour, with the tool at rest.
+
+    Only exported robot programs wait. The plan contains a rest, but not the time of the wait.
+
+    >>> from armcontour.program import Wait
+    >>> process = ac.Process(wait=Wait("clamp", within=2.0))
+    >>> [type(move).__name__ for move in ac.prepare(path, process).moves]
+    ['Dwell', 'Contour']
+
+    Args:
+        input: Name of the input, such as "clamp".
+        within: Longest time that the robot waits for the input to be on [s]. After this time, the
+            program switches its outputs off, shows a message, and ends.
+        at: "start" waits with the process off, for a fixture. "switched_on" waits right after the
+            process is switched on, for an input that proves it, such as an arc.
+        rest: Time at rest in the plan, at the start of which the robot waits [s]: at least two
+            cycles, and longer than the time by which set-points lead the tool.
+    """
+
+    input: NeededName = field(kw_only=False)
+    within: Rest
+    at: Annotated[str, Choice(WAIT_PLACES)] = AT_START
+    rest: Rest = WAIT_REST
+
+
+@declared()
 class Dwell(Checked):
     """A pause during which the tool is at rest.
 
@@ -239,9 +274,11 @@ class Dwell(Checked):
 
     Args:
         duration: The duration [s].
+        wait: The wait for an input at the start of the pause; None by default.
     """
 
     duration: Interval = field(kw_only=False)
+    wait: Wait | None = None
 
 
 Move = Contour | Rapid | Dwell | Event
@@ -265,6 +302,8 @@ class Program(Checked):
             joints only.
         other_layers: Names of the drawing's layers that are not run.
         left_out: The drawing's contours that are not run, if known.
+        resumed_at: Arc length of the whole program, without leads, at which this rest of it begins
+            [m]; 0 for a whole program.
 
     Raises:
         InvalidInput: There is no contour, an object is not a move, an event between contours has an
@@ -278,6 +317,7 @@ class Program(Checked):
     rapid_speed: Speed | None = None
     other_layers: tuple[str, ...] = ()
     left_out: tuple[Contour, ...] = ()
+    resumed_at: Distance = 0.0
 
     def _check_together(self) -> None:
         # These texts come from files and are printed on terminals.

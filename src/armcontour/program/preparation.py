@@ -19,6 +19,8 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours
 from armcontour.program.moves import (
+    AT_START,
+    SWITCHED_ON,
     Contour,
     Dwell,
     Event,
@@ -41,6 +43,8 @@ from armcontour.program.tabs import add_tabs
 if TYPE_CHECKING:
     from armcontour.program.leads import LeadPlacement
 
+# Lead times of events that differ by at most this are equal [s].
+SAME_TIME = 1e-9
 # Tag of the line down from the height of a pierce.
 PIERCE = "pierce"
 
@@ -272,15 +276,61 @@ def _link_moves(
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         linked = previous_rapid is not None
         contour_moves = _add_heights(contour, process, linked=linked, followed=followed)
-        contour_process = process.of_contour(contour)
-        dwell = contour_process.dwell
-        if contour_process.pierce is not None and not process.off:
-            dwell += contour_process.pierce.time
-        if dwell:
-            contour_moves.insert(contour_moves.index(contour), Dwell(duration=dwell))
+        rests, begun = _rest_before(contour, process.of_contour(contour), number)
+        k = contour_moves.index(contour)
+        contour_moves[k : k + 1] = [*rests, begun]
+        if rests and not k and not linked and number:
+            # The tool moves to the contour before it rests there.
+            contour_moves.insert(0, Rapid())
         result += contour_moves
         number += 1
     return result
+
+
+def _rest_before(contour: Contour, process: Process, number: int) -> tuple[list[Move], Contour]:
+    """Return what happens at rest before a contour, and the contour without these events.
+
+    The order is: waits with the process off, dwell, switching on, waits for the process, pierce.
+
+    - `process`: the process of this contour.
+    - `number`: index of the contour, for messages.
+    """
+    if process.off:
+        return _dwells(process.dwell), contour
+    pierce = 0.0 if process.pierce is None else process.pierce.time
+    waits = process.waits_at(AT_START)
+    rests: list[Move] = [Dwell(duration=x.rest, wait=x) for x in waits]
+    late_waits = process.waits_at(SWITCHED_ON)
+    if not late_waits:
+        dwell = process.dwell + pierce
+        if waits:
+            # No event may be due before the wait.
+            dwell = max([dwell, *(x.lead_time for x in contour.events)])
+        return [*rests, *_dwells(dwell)], contour
+    at_start = [x for x in contour.events if x.s <= REPEATED_POINT]
+    assert process.switch is not None
+    switch = next((x for x in at_start if x.name == process.switch.name and x.value), None)
+    if switch is None:
+        raise InvalidInput(
+            f"The robot waits for {late_waits[0].input} at the start of "
+            f"{contour_called(contour, number)} after {process.switch.name} is switched on, but "
+            "this contour does not switch it on at its start. Set at: start in wait, or remove "
+            "the wait from this contour."
+        )
+    # Events that are due before the process is switched on, or together with it.
+    before = [x for x in at_start if x.lead_time >= switch.lead_time - SAME_TIME]
+    events = tuple(x for x in contour.events if x not in before)
+    contour = replace(contour, events=events)
+    switching = [replace(x, s=0.0, lead_time=x.lead_time - switch.lead_time) for x in before]
+    rests += _dwells(max([process.dwell, *(x.lead_time for x in switching)]))
+    rests += [*sorted(switching, key=lambda x: -x.lead_time)]
+    rests += [Dwell(duration=x.rest, wait=x) for x in late_waits]
+    return [*rests, *_dwells(max([switch.lead_time, *(x.lead_time for x in events)]))], contour
+
+
+def _dwells(duration: float) -> list[Move]:
+    """Return a dwell of a duration [s], or no move for 0 and below."""
+    return [Dwell(duration=duration)] if duration > 0 else []
 
 
 def _without_outputs(moves: Sequence[Move]) -> list[Move]:
@@ -470,11 +520,12 @@ def _axial_line(
 
 
 def resume_program(program: Program, process: Process) -> tuple[Program, Contour | None]:
-    """Return the program from an arc length on, and its first contour's part before that.
+    """Return the rest of a resumed program, and its first contour's part before that.
 
-    Outputs that are switched before the arc length are switched again: at the arc length if they
-    are switched on the same contour, or else before the first move. The second result is None if
-    the program resumes at the start of a contour.
+    The rest begins by `rejoin` before `resume_at`, but not before the contour. Outputs that are
+    switched before the rest are switched again: at its start if they are switched on the same
+    contour, or else before the first move. The second result is None if the rest begins at the
+    start of a contour.
     """
     resume_at = process.resume_at
     if resume_at == 0:
@@ -486,19 +537,33 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
             s=resume_at,
             allowed=program.length,
         )
-    # The end of a contour counts as the start of the next contour.
-    index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
-    s = max(resume_at - float(program.breaks[index]), 0.0)
+    index, s = find_resumed_place(program.breaks, process)
     contour = program.contours[index]
     moves = program.moves
     i = [k for k, x in enumerate(moves) if isinstance(x, Contour)][index]
     switched = {x.name: replace(x, s=0.0, lead_time=0) for x in events_of(moves[:i])}
     remaining = _cut_after(contour, s, process.of_contour(contour))
-    resumed = replace(program, moves=(*switched.values(), remaining, *moves[i + 1 :]))
+    resumed = replace(
+        program,
+        moves=(*switched.values(), remaining, *moves[i + 1 :]),
+        resumed_at=float(program.breaks[index]) + s,
+    )
     if s <= REPEATED_POINT:
         return resumed, None
     before = cut_path(contour.path, 0.0, s)
     return resumed, Contour(path=before, name=contour.name, layer=contour.layer)
+
+
+def find_resumed_place(breaks: FloatArray, process: Process) -> tuple[int, float]:
+    """Find where the rest of a program begins: the index of the contour, and the arc length on it.
+
+    - `breaks`: arc lengths at which the contours start, and the end of the last one [m].
+    - `process`: the process with `resume_at`, before the end, and `rejoin`.
+    """
+    # The end of a contour counts as the start of the next contour.
+    index = int(np.searchsorted(breaks, process.resume_at + REPEATED_POINT, side="right")) - 1
+    s = max(process.resume_at - float(breaks[index]) - process.rejoin, 0.0)
+    return index, s
 
 
 def _cut_after(contour: Contour, s: float, process: Process) -> Contour:

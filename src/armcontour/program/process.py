@@ -38,7 +38,7 @@ from armcontour.core.render import number
 from armcontour.core.text import Keys
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weave import Weave
-from armcontour.program.moves import Contour, Event, Value
+from armcontour.program.moves import SWITCHED_ON, Contour, Event, Value, Wait
 
 # In a file, "auto" is the length of a lead that the arm needs.
 LEAD_LENGTH = Key(
@@ -56,7 +56,13 @@ WASTE = "waste"
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
 # Values for null in a layer, for fields of the process that cannot be None.
-NULL_VALUES: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
+NULL_VALUES: Mapping[str, Any] = {
+    "overlap": 0.0,
+    "dwell": 0.0,
+    "wait": (),
+    "events": (),
+    "analog": (),
+}
 # Start point of a closed contour that is moved away from a corner.
 AUTO = "auto"
 # Start point or direction of a contour that is kept as it is drawn.
@@ -190,7 +196,7 @@ class LayerProcess:
     Args:
         lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None to remove it from
             the layer.
-        overlap, dwell, events, analog: As in the process; None to remove it from the layer.
+        overlap, dwell, wait, events, analog: As in the process; None to remove it from the layer.
         passes, direction: As in the process.
         kerf: As in the process; None for a layer that is not cut through, such as marks.
     """
@@ -199,6 +205,7 @@ class LayerProcess:
     lead_in: Lead | None = None
     lead_out: Lead | None = None
     dwell: Duration = 0.0
+    wait: Wait | tuple[Wait, ...] = ()
     pierce: Pierce | None = None
     switch: Switch | None = None
     events: tuple[Event, ...] = ()
@@ -252,6 +259,8 @@ class Process(Checked, LayerProcess):
             apply.
         up: Upward direction in space; left and right of leads are defined about it, (3,).
         dwell: Time at rest before every contour [s], for events with a time advance.
+        wait: Wait for an input of the robot at the start of every contour, or several waits in
+            their order. Only programs for robots wait.
         pierce: Time with the process on before every contour, at rest above its start.
         switch: Events at both ends of every contour, or of its active leads.
         off_between: Names of outputs, such as a laser, that are switched off during rapids: off at
@@ -281,13 +290,16 @@ class Process(Checked, LayerProcess):
             "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
             left of the part's edge, or "conventional". The tool is on the waste side.
         off: Whether the process stays off, for a first run on the robot: the tool moves along the
-            same path, but no output is switched, no analog output has a value, and pierces take no
-            time.
+            same path, but no output is switched, no analog output has a value, pierces take no
+            time, and the robot waits for no input.
         lift: Distance of the tool above the part, along `up`, for a first run on the robot with
             `off` [m]: every contour, rapid and approach is moved by one constant vector.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m]. A job keeps the configuration
             of the whole job.
+        rejoin: Length before `resume_at` that is processed again, so that the rest joins the
+            finished part; not beyond the start of the contour [m]. Without `resume_at`, it has no
+            effect.
 
     Raises:
         InvalidInput: A value is not valid.
@@ -312,6 +324,7 @@ class Process(Checked, LayerProcess):
     off: bool = False
     lift: Distance = 0.0
     resume_at: Distance = 0.0
+    rejoin: Distance = 0.0
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -329,6 +342,8 @@ class Process(Checked, LayerProcess):
                 remedies=({("off",): True}, {("lift",): None}),
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
+        waits = (self.wait,) if isinstance(self.wait, Wait) else self.wait
+        object.__setattr__(self, "wait", checks.check_sequence("wait", waits, Wait, "waits"))
         names = [x.name for x in self.analog]
         if len(set(names)) < len(names):
             name = next(x for x in names if names.count(x) > 1)
@@ -343,7 +358,8 @@ class Process(Checked, LayerProcess):
 
     def _check_switch(self) -> None:
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
-        is_off = self.pierce is not None and self.lead_in is not None and not self.lead_in.active
+        leads_off = self.lead_in is not None and not self.lead_in.active
+        is_off = self.pierce is not None and leads_off
         active: dict[Keys, Any] = {("lead_in", "active"): True} if is_off else {}
         if self.switch is None and (self.tabs or self.pierce):
             use = "A pierce needs an output"
@@ -359,6 +375,29 @@ class Process(Checked, LayerProcess):
                 "The tool pierces at the start of the lead-in, but the process is off along the "
                 "lead-in. Set active: true in lead_in.",
                 remedies=(active, {("pierce",): None}),
+            )
+        self._check_waits(leads_off)
+
+    def _check_waits(self, leads_off: bool) -> None:
+        """Raise InvalidInput for a wait after switching on, if the tool moves or nothing switches.
+
+        `leads_off`: whether the process is off along the lead-in.
+        """
+        late = [x.input for x in self.waits_at(SWITCHED_ON)]
+        if not late:
+            return
+        if self.switch is None:
+            raise InvalidInput(
+                f"The robot waits for {late[0]} after the process is switched on, but no output is "
+                "switched. Specify switch.name, or set at: start in wait.",
+                remedies=(SWITCH,),
+            )
+        if leads_off:
+            raise InvalidInput(
+                f"The robot waits for {late[0]} at rest after the process is switched on, but the "
+                "process is switched on at the end of the lead-in, where the tool moves. Set "
+                "active: true in lead_in.",
+                remedies=({("lead_in", "active"): True}, {("wait",): None}),
             )
 
     def _make_parts(self) -> None:
@@ -424,6 +463,23 @@ class Process(Checked, LayerProcess):
         """Names of all contours' analog outputs."""
         outputs = chain.from_iterable(variant.analog for variant in self.variants)
         return tuple(dict.fromkeys(x.name for x in outputs))
+
+    def waits_at(self, place: str) -> tuple[Wait, ...]:
+        """Return the waits at a place, in their order.
+
+        Args:
+            place: "start" or "switched_on".
+        """
+        assert isinstance(self.wait, tuple)
+        return tuple(x for x in self.wait if x.at == place)
+
+    @property
+    def waits(self) -> tuple[Wait, ...]:
+        """The waits of all contours; empty if the process stays off."""
+        if self.off:
+            return ()
+        every = chain.from_iterable(x.wait for x in self.variants if isinstance(x.wait, tuple))
+        return tuple(dict.fromkeys(every))
 
     @property
     def leads(self) -> tuple[Lead, ...]:

@@ -13,13 +13,14 @@ from armcontour.core.errors import error_context
 from armcontour.files.exports.export_table import SetPointTable, regular_times
 from armcontour.files.exports.formats import (
     TemplateFormat,
+    check_inputs,
     check_outputs,
     ending_of,
     format_named,
 )
 from armcontour.files.exports.template import BUILT_IN, check_template
 from armcontour.jobs import Job, Run
-from armcontour.motion import TimedEvent
+from armcontour.motion import TimedEvent, TimedWait
 from armcontour.program import Event, Process
 from armcontour.program.moves import events_of
 
@@ -37,8 +38,9 @@ def check_exports(job: Job) -> None:
     motion.
 
     Raises:
-        InvalidInput: A format does not support the arm, the cycle, an output or the value of an
-            event; an output belongs to no event; or a template cannot be read.
+        InvalidInput: A format does not support the arm, the cycle, an output, a wait or the value
+            of an event; an output belongs to no event, or an input to no wait; an input has no
+            name; or a template cannot be read.
     """
     for kind in job.export.formats:
         check_export(job, kind)
@@ -58,6 +60,8 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
     """
     names = {*job.process.analog_names, *(x.name for x in _events(job))}
     check_outputs(job.export.outputs, names, option="export.outputs", owner="the job")
+    awaited = {x.input for x in job.process.waits}
+    check_inputs(job.export.inputs, awaited, option="export.inputs", owner="the job")
     format = format_named(kind, job.export)
     if isinstance(format, TemplateFormat) and kind not in BUILT_IN:
         check_template(kind)
@@ -66,13 +70,15 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
         for run in job.runs:
             usual = None if format.needs_cycle_of_run else job.export.cycle
             table = _trial_table(job, run, cycle or usual or run.cycle)
+            format.check(table)
             format.write(table, FilePath(folder) / f"{stem}{ending_of(kind)}")
 
 
 def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
     """Return the table of a robot at rest that has all events and levels of a job."""
     levels = dict(_analog_levels(job.process))
-    count = max([TRIAL_POINTS, *(len(x) + 1 for x in levels.values())])
+    waits = tuple(_timed_waits(job, cycle))
+    count = max([TRIAL_POINTS, len(waits) + 1, *(len(x) + 1 for x in levels.values())])
     rest = np.zeros((count, job.arm.dof))
     rest.setflags(write=False)
     return SetPointTable(
@@ -84,6 +90,7 @@ def _trial_table(job: Job, run: Run, cycle: float) -> SetPointTable:
         dq=rest,
         ddq=rest,
         events=tuple(_timed(job)),
+        waits=waits,
         analog={name: np.resize(x, count) for name, x in levels.items()},
         prismatic=job.arm.chain.prismatic or (),
         external=job.arm.chain.external,
@@ -107,6 +114,14 @@ def _timed(job: Job) -> Iterator[TimedEvent]:
     distinct = {(x.name, type(x.value), x.value) for x in _events(job)}
     for name, _, value in sorted(distinct, key=str):
         yield TimedEvent(name=name, value=value, t=0.0, due=0.0, s=0.0, point=(0.0, 0.0, 0.0))
+
+
+def _timed_waits(job: Job, cycle: float) -> Iterator[TimedWait]:
+    """Yield each wait of a job, at one point each."""
+    for i, wait in enumerate(job.process.waits):
+        yield TimedWait(
+            input=wait.input, within=wait.within, at=wait.at, t=i * cycle, rest=wait.rest
+        )
 
 
 def _events(job: Job) -> Iterator[Event]:

@@ -18,12 +18,14 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast, Axes, Interval, Quantity, joint_units
+from armcontour.core.render import number
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,
     Samples,
     SetPoints,
     TimedEvent,
+    TimedWait,
     Trajectory,
 )
 from armcontour.robot import Arm, Limits
@@ -31,6 +33,13 @@ from armcontour.robot import Arm, Limits
 # An event that is earlier than a point by less than this fraction of the cycle is assigned to the
 # point, because both times have rounding errors.
 EVENT_TOLERANCE = 1e-9
+# At a wait, set-points move by at most this distance in a cycle [rad or m].
+AT_REST = 1e-6
+# A rest at a wait lasts at least this number of cycles, so that events before and after it are at
+# different points.
+CYCLES_OF_WAIT = 2
+# A time long before any plan, when the process is off [s].
+LONG_BEFORE = -1e6
 # Set-points equal the plan if they differ by at most this value [rad]; results have 12 decimals.
 SAME_POSITION = 2e-12
 # Maximum number of samples of a trajectory; more do not fit into memory together with the export.
@@ -58,6 +67,8 @@ FORMAT_BLOCK = 1 << 16
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # Attributes of events in JSON; `event_data` adds `point`.
 EVENT_KEYS = ("name", "value", "t", "due", "s")
+# Attributes of waits in JSON.
+WAIT_KEYS = ("input", "within", "at", "t", "rest")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +86,9 @@ class SetPointTable(Checked):
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
         events: Events in the order of their times, which count from the first point too.
         start_time: Time of the first point in the plan [s], where the plan starts at 0.
+        waits: Waits for inputs, in the order of their times, which count from the first point.
         analog: Values of analog outputs by their names, (n,) each.
+        analog_off: Their values while the process is off, by name; 0 by default.
         command_limits: Limits that the joint positions satisfy, as set-points.
 
     Raises:
@@ -92,7 +105,9 @@ class SetPointTable(Checked):
     ddq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
     events: tuple[TimedEvent, ...] = ()
     start_time: float = 0.0
+    waits: tuple[TimedWait, ...] = ()
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
+    analog_off: Mapping[str, float] = field(default_factory=dict)
     command_limits: Limits | None = None
     prismatic: tuple[bool, ...] = ()
     external: tuple[int, ...] = ()
@@ -107,6 +122,8 @@ class SetPointTable(Checked):
             for key, x in self.analog.items()
         }
         object.__setattr__(self, "analog", MappingProxyType(analog))
+        off = {key: float(self.analog_off.get(key, 0.0)) for key in analog}
+        object.__setattr__(self, "analog_off", MappingProxyType(off))
         self._check_shapes()
         self._check_names()
         events = tuple(sorted((_with_builtin_types(x) for x in self.events), key=lambda x: x.t))
@@ -135,6 +152,7 @@ class SetPointTable(Checked):
         """Check that names are one line of text, and that joint names differ."""
         named = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
         named += [("name of an analog output", x) for x in self.analog]
+        named += [("name of an input", x.input) for x in self.waits]
         for kind, text in [*named, *(("name of an event", x.name) for x in self.events)]:
             if not isinstance(text, str) or not text.strip() or not text.isprintable():
                 raise InvalidInput(f"A {kind} must be one line of text, but is {text!r}.")
@@ -161,6 +179,39 @@ class SetPointTable(Checked):
         late = np.array([x.t for x in self.events]) + EVENT_TOLERANCE * self.cycle
         indices = np.searchsorted(self.t, late, side="right") - 1
         return [max(0, int(i)) for i in indices]
+
+    @property
+    def point_of_waits(self) -> list[int]:
+        """Index of the point at which a program waits for each input, as a list.
+
+        Raises:
+            InvalidInput: A rest is shorter than two cycles, or the set-points do not rest there.
+        """
+        indices = list[int]()
+        for wait in self.waits:
+            if wait.rest < CYCLES_OF_WAIT * self.cycle * (1 - EVENT_TOLERANCE):
+                raise InvalidInput(
+                    f"The rest at the wait for {wait.input} is {number(wait.rest, 's')}, but "
+                    f"points every {number(self.cycle, 's')} require at least "
+                    f"{number(CYCLES_OF_WAIT * self.cycle, 's')}. Set rest in process.wait, or "
+                    "shorten the cycle.",
+                    needed=CYCLES_OF_WAIT * self.cycle,
+                    allowed=wait.rest,
+                )
+            k = int(np.searchsorted(self.t, wait.t - EVENT_TOLERANCE * self.cycle))
+            following = min(k + 1, len(self.t) - 1)
+            moved = float(np.abs(self.q[following] - self.q[k]).max())
+            if moved > AT_REST:
+                raise InvalidInput(
+                    f"At the wait for {wait.input}, the set-points do not rest: within one cycle, "
+                    f"a joint moves by {moved:.3g} rad. The servo's time advance or transient is "
+                    f"longer than the rest of {number(wait.rest, 's')}. Increase rest in "
+                    "process.wait.",
+                    needed=moved,
+                    allowed=AT_REST,
+                )
+            indices.append(k)
+        return indices
 
     @property
     def decimals(self) -> int:
@@ -218,13 +269,20 @@ def make_table(
         name=name,
         cycle=step,
         events=tuple(x.shifted(-start) for x in plan.events),
+        waits=tuple(x.shifted(-start) for x in plan.waits),
         start_time=start,
         arm=arm,
         joint_names=joint_names,
         derivatives=derivatives,
         analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
+        analog_off=_values_off(analog or {}) if plan.waits else {},
         command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
+
+
+def _values_off(analog: Mapping[str, Callable[[FloatArray], FloatArray]]) -> dict[str, float]:
+    """Return the value of each analog output while the process is off, by name."""
+    return {key: float(values(np.array([LONG_BEFORE]))[0]) for key, values in analog.items()}
 
 
 def tabulate(

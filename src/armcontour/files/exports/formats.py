@@ -43,6 +43,7 @@ Derivatives = Annotated[int, AtLeast(0, 2)]
 # Programs for robots of Universal Robots.
 URSCRIPT = RobotProgram(
     output=0,
+    input=0,
     analog="AO0",
     substitute="messages (textmsg)",
     advice="stream the set-points over RTDE (--export csv)",
@@ -91,6 +92,33 @@ class ExportFormat(Checked):
     def writes_analog(self) -> bool:
         """True if files contain analog outputs."""
         return hasattr(self, "analog")
+
+    @checked
+    def check(self, table: SetPointTable) -> None:
+        """Check that the format can express the waits of a table.
+
+        Args:
+            table: The table of the file.
+
+        Raises:
+            InvalidInput: The format does not wait for inputs, or an input has no name.
+        """
+        if not table.waits:
+            return
+        first = table.waits[0].input
+        if not hasattr(self, "inputs"):
+            kinds = [x for x, kind in FORMATS.items() if "inputs" in _options_of(kind)]
+            raise InvalidInput(
+                f"The format {self.label} cannot wait for an input, but {table.name!r} waits for "
+                f"{first} (process.wait). Choose {', '.join((*kinds, *BUILT_IN))}, or a template."
+            )
+        for wait in table.waits:
+            if wait.input not in inputs_of(self):
+                example = 3 if self.program is None else self.program.input
+                raise InvalidInput(
+                    f"{table.name!r} waits for {wait.input} (process.wait), but no input of the "
+                    f"robot is named. Name it, such as inputs: {{{wait.input}: {example}}}."
+                )
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
@@ -205,6 +233,7 @@ class URScriptFormat(ExportFormat):
     Args:
         outputs: Number of the digital output of each event, 0 to 7, by the event's name; of an
             analog output 0, 1, "AO0" or "AO1".
+        inputs: Number of the digital input of each wait, 0 to 7, by the name of the input.
         analog: Analog outputs, as in CsvFormat; the program sets the outputs that `outputs` names.
         call: Whether a call of the program follows it, for a script file that a program of the
             pendant includes. A program that is sent to the controller needs no call.
@@ -215,6 +244,7 @@ class URScriptFormat(ExportFormat):
     joints: ClassVar[int | None] = JOINTS
     needs_cycle_of_run: ClassVar[bool] = True
     outputs: Mapping[str, int | str] | None = None
+    inputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
 
@@ -226,7 +256,7 @@ class URScriptFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_urscript(table, file, outputs_of(self), call=self.call)
+        write_urscript(table, file, outputs_of(self), inputs_of(self), call=self.call)
 
 
 @declared()
@@ -236,6 +266,7 @@ class TemplateFormat(ExportFormat):
     Args:
         template: "kuka", "abb", or the path of a jinja2 file.
         outputs: The output of each event, and of each analog output, by its name.
+        inputs: The input of each wait, by its name.
         derivatives, analog: As in CsvFormat.
     """
 
@@ -243,6 +274,7 @@ class TemplateFormat(ExportFormat):
     joints: ClassVar[int | None] = JOINTS
     template: str | FilePath
     outputs: Mapping[str, int | str] | None = None
+    inputs: Mapping[str, int | str] | None = None
     derivatives: Derivatives | None = None
     analog: Analog | None = None
 
@@ -259,7 +291,7 @@ class TemplateFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_template(table, file, self.template, outputs_of(self))
+        write_template(table, file, self.template, outputs_of(self), inputs_of(self))
 
 
 # Formats by name. Further formats are the templates of the package, `BUILT_IN`.
@@ -270,7 +302,7 @@ FORMATS: dict[str, type[ExportFormat]] = {
 ENDINGS: dict[str, str] = {name: x.ending for name, x in FORMATS.items()}
 ENDINGS |= {name: ending_of_template(file) for name, file in BUILT_IN.items()}
 # Options of formats that `export` of a job determines from its values, instead of copying them.
-CONVERTED = {"outputs", "tolerances"}
+CONVERTED = {"outputs", "inputs", "tolerances"}
 # Keys of a job's `export` that are valid only if one of its formats has an option of this name.
 NEEDS_FORMAT = ("tolerances", "points", "call")
 
@@ -300,6 +332,8 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
     values = {x: getattr(options, x) for x in supported}
     if hasattr(format, "outputs"):
         values["outputs"] = options.outputs_for(name)
+    if hasattr(format, "inputs"):
+        values["inputs"] = options.inputs_for(name)
     return replace(format, **values)
 
 
@@ -342,31 +376,40 @@ def check_formats(exports: Exports) -> None:
             raise InvalidInput(
                 f"{key} requires the format {names}. Remove {key}, or export {names}."
             )
-    for name, outputs in exports.outputs.items():
-        if isinstance(outputs, Mapping):
-            _check_formats_of(name, outputs)
+    for kind, signals in (("outputs", exports.outputs), ("inputs", exports.inputs)):
+        for name, signal in signals.items():
+            if isinstance(signal, Mapping):
+                _check_formats_of(kind, name, signal)
 
 
-def _check_formats_of(name: str, outputs: Mapping[str, int | str]) -> None:
-    """Check the outputs of an event by format."""
-    without_outputs = [x for x, kind in FORMATS.items() if "outputs" not in _options_of(kind)]
-    for format, output in outputs.items():
-        key = f"outputs.{name}.{format}"
-        with error_context(f"outputs.{name}"):
+def _check_formats_of(kind: str, name: str, signals: Mapping[str, int | str]) -> None:
+    """Check the outputs of an event, or the inputs of a wait, by format.
+
+    - `kind`: "outputs" or "inputs".
+    """
+    without_signals = [x for x, format in FORMATS.items() if kind not in _options_of(format)]
+    for format, signal in signals.items():
+        key = f"{kind}.{name}.{format}"
+        with error_context(f"{kind}.{name}"):
             ending_of(format)
-        if format in without_outputs or PurePath(format).name != format:
-            formats_with_outputs = ", ".join(x for x in ENDINGS if x not in without_outputs)
+        if format in without_signals or PurePath(format).name != format:
+            formats_with_signals = ", ".join(x for x in ENDINGS if x not in without_signals)
             raise InvalidInput(
-                f"{key} has no effect, because outputs are of {formats_with_outputs}, and "
+                f"{key} has no effect, because {kind} are of {formats_with_signals}, and "
                 f"templates, which are named without a folder, such as house{ENDING}."
             )
-        if isinstance(output, bool) or not isinstance(output, int | str):
-            raise InvalidInput(f"{key} must be a number or a text, but is {show(output)}.")
+        if isinstance(signal, bool) or not isinstance(signal, int | str):
+            raise InvalidInput(f"{key} must be a number or a text, but is {show(signal)}.")
 
 
 def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
     """Return the outputs of events by their names; empty for formats without outputs."""
     return getattr(format, "outputs", None) or {}
+
+
+def inputs_of(format: ExportFormat) -> Mapping[str, int | str]:
+    """Return the inputs of waits by their names; empty for formats without inputs."""
+    return getattr(format, "inputs", None) or {}
 
 
 @checked
@@ -402,9 +445,9 @@ def export(
             10,000 points.
 
     Raises:
-        InvalidInput: No format has the extension, an output belongs to an unknown event, the
-            template has an error, the format does not support the data, or the file cannot be
-            written.
+        InvalidInput: No format has the extension, an output belongs to an unknown event, the format
+            does not wait for inputs or an input is not named, the template has an error, the format
+            does not support the data, or the file cannot be written.
     """
     destination = FilePath(file)
     named = format_of(destination) if format is None else format
@@ -420,6 +463,8 @@ def export(
         analog=getattr(chosen, "analog", None),
     )
     check_outputs(outputs_of(chosen), names_of(table), option="outputs", owner=repr(table.name))
+    check_inputs(inputs_of(chosen), table_inputs(table), option="inputs", owner=repr(table.name))
+    chosen.check(table)
     # Warnings come before writing, so that nothing is written if warnings are errors.
     for sentence in chosen.describe(table):
         warnings.warn(f"Format {chosen.label}: {sentence}", stacklevel=3)
@@ -449,6 +494,24 @@ def check_outputs(
     for name in outputs:
         if name not in names:
             has = f"switches only {', '.join(names)}" if names else "switches no output"
+            raise InvalidInput(f"{option} names {name!r}, but {owner} {has}.")
+
+
+def table_inputs(table: SetPointTable) -> set[str]:
+    """Return the names of the inputs for which the program of a table waits."""
+    return {x.input for x in table.waits}
+
+
+def check_inputs(inputs: Iterable[str], known: Iterable[str], *, option: str, owner: str) -> None:
+    """Check that inputs belong to existing waits; arguments as in `check_outputs`.
+
+    Raises:
+        InvalidInput: An input belongs to no wait.
+    """
+    names = sorted(set(known))
+    for name in inputs:
+        if name not in names:
+            has = f"waits only for {', '.join(names)}" if names else "waits for no input"
             raise InvalidInput(f"{option} names {name!r}, but {owner} {has}.")
 
 

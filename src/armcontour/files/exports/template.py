@@ -19,7 +19,7 @@ from armcontour.core.text import list_some
 from armcontour.files.exports.export_table import POSITION_DECIMALS, SetPointTable
 from armcontour.files.exports.identifiers import identifier
 from armcontour.files.exports.slow_move import SLOW
-from armcontour.motion import TimedEvent
+from armcontour.motion import TimedEvent, TimedWait
 from armcontour.motion.nearest_commands import command_use
 from armcontour.motion.trajectory import COMMAND_SLACK
 
@@ -33,6 +33,10 @@ MAX_POINTS = 10_000
 LONGER_CYCLE = "use a longer cycle (--cycle)"
 # Value of the last digit of joint positions in these programs [rad].
 LAST_DIGIT = math.radians(1e-6)
+# Events closer in time than this are simultaneous [s].
+SAME_TIME = 1e-9
+# Maximum length of a message in KRL and RAPID [characters].
+LONGEST_MESSAGE = 80
 # Largest number of events that a message lists.
 MAX_NAMES = 4
 
@@ -42,6 +46,7 @@ class RobotProgram:
     """Properties of a kind of robot program, for warnings about a program."""
 
     output: int | str  # Example of a digital output
+    input: int | str  # Example of a digital input
     analog: int | str  # Example of an analog output
     substitute: str  # What the program contains instead of an event without an output
     advice: str  # How to shorten a program that is too long
@@ -51,10 +56,11 @@ class RobotProgram:
 # Programs of the templates of the package by name.
 PROGRAMS = {
     "kuka": RobotProgram(
-        output=17, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
+        output=17, input=5, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
     ),
     "abb": RobotProgram(
         output="doTool",
+        input="diClamp",
         analog="aoPower",
         substitute="comments",
         advice=LONGER_CYCLE,
@@ -76,6 +82,9 @@ class Point:
     ddq: tuple[float, ...] | None  # Joint accelerations [rad/s²]; None unless exported
     analog: Mapping[str, float]  # Values of analog outputs by their names
     events: tuple[TimedEvent, ...]  # Events from this point until before the next point
+    # The wait for an input at this point, after `events_before` and before `events`; or None
+    wait: TimedWait | None
+    events_before: tuple[TimedEvent, ...]  # Events at this point before its wait
 
 
 class _Refused(Exception):
@@ -86,6 +95,7 @@ def render_template(
     table: SetPointTable,
     template: str | FilePath,
     outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
     *,
     file: str,
 ) -> str:
@@ -95,6 +105,7 @@ def render_template(
         table: Points, events and analog values.
         template: Name of a built-in format, or path of a template.
         outputs: Outputs of events and analog outputs, by their names.
+        inputs: Inputs of waits, by their names.
         file: Name of the program's file, without its extension.
 
     Raises:
@@ -102,7 +113,12 @@ def render_template(
             rejects the table.
     """
     source, text = _read_template(template)
-    variables = _variables(table, outputs, file)
+    if table.waits and "wait" not in text:
+        raise InvalidInput(
+            f"{source}: the template does not use wait, but {table.name!r} waits for "
+            f"{table.waits[0].input} (process.wait). Write the wait of a point, or remove it."
+        )
+    variables = _variables(table, outputs, inputs, file)
     try:
         return str(_environment().from_string(text).render(variables))
     except _Refused as error:
@@ -152,6 +168,23 @@ def program_warnings(
     return sentences
 
 
+def wait_message(wait: TimedWait) -> str:
+    """Return the message of a robot program whose input does not come in time.
+
+    Raises:
+        InvalidInput: A robot program does not support the name of the input.
+    """
+    message = f"{wait.input} did not come within {wait.within:.6g} s"
+    is_plain = message.isascii() and message.isprintable() and not set('"\\') & set(message)
+    if not is_plain or len(message) > LONGEST_MESSAGE:
+        raise InvalidInput(
+            f"A robot program cannot show the message {message!r}. Rename the input with ASCII "
+            f"characters other than quotes and backslashes, such that the message has at most "
+            f"{LONGEST_MESSAGE} characters."
+        )
+    return message
+
+
 def ending_of_template(name: str) -> str:
     """Return the extension of the program of a template, such as ".src" for "house.src.j2"."""
     return PurePath(name.removesuffix(ENDING)).suffix or ".txt"
@@ -180,6 +213,7 @@ def write_template(
     file: FilePath,
     template: str | FilePath,
     outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
 ) -> None:
     """Write the program that a template generates from a table.
 
@@ -188,11 +222,12 @@ def write_template(
         file: File to write.
         template: As in `render_template`.
         outputs: As in `render_template`.
+        inputs: As in `render_template`.
 
     Raises:
         InvalidInput: As in `render_template`.
     """
-    text = render_template(table, template, outputs, file=file.stem)
+    text = render_template(table, template, outputs, inputs, file=file.stem)
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
@@ -245,7 +280,12 @@ def _environment() -> Any:
     return environment
 
 
-def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
+def _variables(
+    table: SetPointTable,
+    outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
+    file: str,
+) -> dict[str, Any]:
     """Return the variables of a template by name."""
     points = _template_points(table)
     return {
@@ -262,9 +302,17 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
             f"{table.joint_names[k]} ({'mm' if table.prismatic[k] else 'deg'})"
             for k in table.external
         ),
-        "events": tuple(chain.from_iterable(x.events for x in points)),
-        "outputs": {x: int(n) if isinstance(n, np.integer) else n for x, n in outputs.items()},
+        "events": tuple(chain.from_iterable((*x.events_before, *x.events) for x in points)),
+        "outputs": _plain_signals(outputs),
+        "inputs": _plain_signals(inputs),
+        "analog_off": dict(table.analog_off),
+        "wait_message": wait_message,
     }
+
+
+def _plain_signals(signals: Mapping[str, int | str]) -> dict[str, int | str]:
+    """Return outputs or inputs with numbers of Python's class."""
+    return {x: int(n) if isinstance(n, np.integer) else n for x, n in signals.items()}
 
 
 def _template_points(table: SetPointTable) -> tuple[Point, ...]:
@@ -272,6 +320,7 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     events: dict[int, list[TimedEvent]] = {}
     for event, i in zip(table.events, table.point_of_events, strict=True):
         events.setdefault(i, []).append(event)
+    waits = dict(zip(table.point_of_waits, table.waits, strict=True))
     external = list(table.external)
     shown = np.where(table.prismatic, table.q * 1e3, np.degrees(table.q))
     arrays = {
@@ -286,8 +335,20 @@ def _template_points(table: SetPointTable) -> tuple[Point, ...]:
     for i, t in enumerate(table.t.tolist()):
         row = {key: x and tuple(x[i]) for key, x in rows.items()}
         analog = {key: float(values[i]) for key, values in table.analog.items()}
-        events_of_point = tuple(events.get(i, ()))
-        points.append(Point(number=i + 1, t=t, **row, analog=analog, events=events_of_point))
+        wait = waits.get(i)
+        events_of_point = events.get(i, [])
+        before = [x for x in events_of_point if wait is not None and x.t <= wait.t + SAME_TIME]
+        points.append(
+            Point(
+                number=i + 1,
+                t=t,
+                **row,
+                analog=analog,
+                events=tuple(events_of_point[len(before) :]),
+                wait=wait,
+                events_before=tuple(before),
+            )
+        )
     return tuple(points)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path as FilePath
 
@@ -20,13 +21,16 @@ from armcontour.files.exports.export_table import (
 )
 from armcontour.files.exports.identifiers import identifier
 from armcontour.files.exports.slow_move import SLOW
-from armcontour.motion import TimedEvent
+from armcontour.files.exports.template import SAME_TIME, wait_message
+from armcontour.motion import TimedEvent, TimedWait
 
 JOINTS = 6
 # Cycle of the controllers [s]; older controllers have a cycle of four times this value.
 CONTROLLER_CYCLE = 0.002
 # Number of standard digital outputs of a control box.
 OUTPUTS = 8
+# Number of standard digital inputs of a control box.
+INPUTS = 8
 # Maximum length of a program name that all versions of the controller accept [characters], as in
 # UR's client library.
 LONGEST_NAME = 31
@@ -58,12 +62,27 @@ def {program}():
   # Slow move to the first set-point; make sure that there are no obstacles.
   movej([{first}], a={slow.joint_acceleration}, v={slow.joint_speed})
 """
+# A wait for an input. While the robot waits, it holds the set-point of its rest.
+WAIT = """\
+  # Wait for {input} at rest, at most {within} s
+  cycles = 0
+  while not get_standard_digital_in({number}):
+    if cycles >= {count}:
+{switch_off}      stopj(2.0)
+      popup("{message}", title="armcontour", error=True, blocking=True)
+      halt
+    end
+  {hold}
+    cycles = cycles + 1
+  end
+"""
 
 
 def write_urscript(
     table: SetPointTable,
     file: FilePath,
     outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
     *,
     call: bool,
 ) -> None:
@@ -76,11 +95,10 @@ def write_urscript(
     comment states the exact time. The interval before the last sample of a trajectory is always a
     whole cycle, even if the time of the sample is earlier. An event with a digital output switches
     the output on or off; any other event writes a message by `textmsg`. An analog output with a
-    number is set at each set-point at which its level changes.
+    number is set at each set-point at which its level changes. A wait for an input repeats the
+    set-point of its rest until the input is on.
     """
     _check_table(table)
-    analog = {x: n for x, n in outputs.items() if x in table.analog}
-    digital = _digital_outputs(table, {x: n for x, n in outputs.items() if x not in analog})
     cycle = f"{table.cycle:.12g}"
     point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
@@ -96,35 +114,78 @@ def write_urscript(
         slow=SLOW,
     )
     # Computed before the file is opened, because an invalid event raises an error.
-    lines = [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
-    for name, number in analog.items():
-        lines += _set_levels(name, _analog_number(name, number), table.analog[name])
-    lines.sort(key=lambda x: round(x[0]))
+    lines = _lines_between(table, outputs, inputs, point)
     commands = _commands(table, lines, point, numbers[1])
     end = "  stopj(2.0)\nend\n" + (f"\n{program}()\n" if call else "")
     write_pieces(file, chain([head], commands, [end]))
 
 
-def _commands(
-    table: SetPointTable, lines: Sequence[tuple[float, str]], point: str, last: str
-) -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """Commands between the set-points of a program.
+
+    - `cycle`: index of the set-point at whose time they are executed.
+    - `text`: the commands.
+    - `waits_before`: number of waits that come before them.
+    - `is_wait`: whether they wait for an input.
+    """
+
+    cycle: int
+    text: str
+    waits_before: int = 0
+    is_wait: bool = False
+
+
+def _lines_between(
+    table: SetPointTable,
+    outputs: Mapping[str, int | str],
+    inputs: Mapping[str, int | str],
+    point: str,
+) -> list[_Line]:
+    """Return the commands that switch outputs and wait for inputs, in their order.
+
+    - `point`: format of the servoj command for a row of joint positions.
+    """
+    analog = {x: n for x, n in outputs.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in outputs.items() if x not in analog})
+    # A program waits after two set-points of the rest, so that the last step is zero.
+    holds = [i + 2 for i in table.point_of_waits]
+    lines = list[_Line]()
+    for event in table.events:
+        count = sum(x.t < event.t - SAME_TIME for x in table.waits)
+        cycle_of_event = max([round(event.t / table.cycle), *holds[:count]])
+        lines.append(_Line(cycle_of_event, _set_output(event, digital), count))
+    for name, number in analog.items():
+        output = _analog_number(name, number)
+        _check_levels(name, np.append(table.analog[name], table.analog_off[name]))
+        lines += _set_levels(output, table.analog[name])
+    numbers = _digital_inputs(inputs)
+    switch_off = _switch_off(table, digital, analog)
+    for count, (wait, i) in enumerate(zip(table.waits, holds, strict=True)):
+        hold = point % tuple(table.q[i - 1].tolist())
+        text = _wait_for(wait, numbers, hold, table.cycle, switch_off)
+        lines.append(_Line(i, text, count, is_wait=True))
+    return sorted(lines, key=lambda x: (x.cycle, x.waits_before, x.is_wait))
+
+
+def _commands(table: SetPointTable, lines: Sequence[_Line], point: str, last: str) -> Iterator[str]:
     """Yield servoj commands and other lines in the order of their times.
 
-    - `lines`: time [cycles] and text of each line, in the order of time.
+    - `lines`: other lines, in their order.
     - `point`: format of the servoj command for a row of joint positions.
     - `last`: the last joint positions as text.
     """
     # Number of cycles whose commands were yielded.
     done = 0
     count = len(table.q)
-    for time, command in lines:
+    for line in lines:
         # A servoj takes one cycle, so that the next line is executed at the time of the next
         # set-point.
-        cycle = round(time)
+        cycle = line.cycle
         yield from format_rows(point, table.q[done : min(cycle, count)])
         if cycle > max(done, count):
             yield _repeat_last(last, (cycle - max(done, count)) * table.cycle)
-        yield command
+        yield line.text
         done = max(done, cycle)
     yield from format_rows(point, table.q[done:])
     yield _repeat_last(last, HOLD)
@@ -152,8 +213,8 @@ def _analog_number(name: str, number: int | str) -> int:
     return int(value)
 
 
-def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
-    """Return the commands that set an analog output, each with the index of its set-point."""
+def _check_levels(name: str, values: FloatArray) -> None:
+    """Raise InvalidInput for values of an analog output outside its range."""
     low, high = float(values.min()), float(values.max())
     if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
         raise InvalidInput(
@@ -162,9 +223,15 @@ def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float,
             needed=high,
             allowed=1.0,
         )
+
+
+def _set_levels(number: int, values: FloatArray) -> list[_Line]:
+    """Return the commands that set an analog output."""
     levels = np.round(np.clip(values, 0.0, 1.0), LEVEL_DECIMALS)
     changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0).tolist()
-    return [(i, f"  set_standard_analog_out({number}, {LEVEL % levels[i]})\n") for i in changes]
+    return [
+        _Line(i, f"  set_standard_analog_out({number}, {LEVEL % levels[i]})\n") for i in changes
+    ]
 
 
 def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
@@ -184,6 +251,52 @@ def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
             "must be one line without quotes and backslashes."
         )
     return f'  textmsg("{message}"){comment}'
+
+
+def _switch_off(
+    table: SetPointTable, digital: Mapping[str, int], analog: Mapping[str, int | str]
+) -> str:
+    """Return the commands that switch all outputs of a program off."""
+    commands = [f"      set_standard_digital_out({n}, False)\n" for n in digital.values()]
+    for name, number in analog.items():
+        level = LEVEL % table.analog_off[name]
+        commands.append(f"      set_standard_analog_out({_analog_number(name, number)}, {level})\n")
+    return "".join(commands)
+
+
+def _wait_for(
+    wait: TimedWait, inputs: Mapping[str, int], hold: str, cycle: float, switch_off: str
+) -> str:
+    """Return the commands that wait for an input, and end the program if it does not come.
+
+    - `inputs`: numbers of the digital inputs by name.
+    - `hold`: command that repeats the set-point of the rest for one cycle.
+    - `switch_off`: commands that switch all outputs off.
+    """
+    return WAIT.format(
+        input=wait.input,
+        number=inputs[wait.input],
+        within=f"{wait.within:.6g}",
+        count=math.ceil(wait.within / cycle * (1 - CYCLE_ROUNDING)),
+        message=wait_message(wait),
+        hold=hold.rstrip("\n"),
+        switch_off=switch_off,
+    )
+
+
+def _digital_inputs(inputs: Mapping[str, int | str]) -> dict[str, int]:
+    """Check the digital inputs of waits; return their numbers by name."""
+    numbers: dict[str, int] = {}
+    for name, number in inputs.items():
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise InvalidInput(
+                f"The input {name} must be a number, but is {number!r}. Inputs can differ by "
+                f"format, such as inputs: {{{name}: {{urscript: 0}}}}."
+            )
+        if not 0 <= number < INPUTS:
+            raise InvalidInput(f"The input {name} must be from 0 to {INPUTS - 1}, but is {number}.")
+        numbers[name] = int(number)
+    return numbers
 
 
 def _check_table(table: SetPointTable) -> None:

@@ -133,6 +133,7 @@ def export(request: Request) -> MessageFrame:
             derivatives=job.export.derivatives,
             analog=analog if format.writes_analog else None,
         )
+        format.check(table)
         notes = format.describe(table)
         write_destination(file, lambda path: format.write(table, path))
         content = file.read_bytes()
