@@ -200,7 +200,7 @@ def test_a_collision_on_the_way_from_the_start_is_refused(refuses):
 def test_play_begins_at_the_start():
     job = taught(PLANE, [0.6, 0.4])
     robot = Simulated(late=False, cycle=4e-3, acceleration=100.0, at=np.array([0.6, 0.4]))
-    played = play(job, robot, execute=True, speed_factor=0.5)
+    played = play(job, robot, execute=True, override=0.5)
     assert played.distance < 1e-9 and played.approach_speed is None
     assert played.kept, played.reason
 
