@@ -88,11 +88,13 @@ class RampOverride(Override):
                 return self._resting(cruise.until(t))
             return self._with_stop(cruise, steady_from, t)
         begin = max(t, steady_from)
-        ramped = self._ramp(cruise.until(begin), target)
-        if ramped is None and cruise.state_at(begin).rate < SAME_RATE:
-            return self._resting(cruise.until(begin))
-        if ramped is not None:
-            cruise, steady_from = ramped
+        # A ramp can end at the end of the plan, after which none can follow.
+        if begin < cruise.end or steady_from == t:
+            ramped = self._ramp(cruise.until(begin), target)
+            if ramped is None and cruise.state_at(begin).rate < SAME_RATE:
+                return self._resting(cruise.until(begin))
+            if ramped is not None:
+                cruise, steady_from = ramped
         return self._with_stop(cruise, steady_from, t + RAMP_TIME_AT_TARGET)
 
     def _resting(self, scaling: TimeScaling) -> RampedPace:

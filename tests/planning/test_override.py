@@ -1,0 +1,194 @@
+"""Changes of the override stay on the path and within the plan's limits, less half of its reserve.
+
+The limits are judged by the positions of the motion and by samples of it between all breaks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion.time_scaling import TimeScaling
+from armcontour.planning import stop
+from armcontour.planning.override_ramps import override_of
+
+CYCLE = 4e-3
+RESERVE = 0.05
+
+
+def planar() -> ac.Trajectory:
+    """The paper's path, with limits of joints and tool."""
+    arm = ac.load_arm("pmk3s")
+    path = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+    rounded = ac.round_corners(path, tolerance=5e-3)
+    limits = arm.limits.replace(
+        speed=0.15, centripetal_acceleration=0.09, tool_acceleration=0.12
+    )
+    return ac.plan(rounded, arm, limits, ac.Optimal(reserve=RESERVE, for_play=True))
+
+
+def spatial(**limits) -> ac.Trajectory:
+    """A path with a corner and a turning tool, in space."""
+    arm = ac.load_arm("ur5e")
+    points = [(0.40, -0.10, 0.2), (0.50, 0.0, 0.2), (0.40, 0.10, 0.25)]
+    path = ac.Path.polyline(points).oriented(np.diag([1, -1, -1]))
+    rounded = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
+    return ac.plan(
+        rounded,
+        arm,
+        arm.limits.replace(speed=0.15, **limits),
+        ac.Optimal(reserve=RESERVE, for_play=True),
+    )
+
+
+@pytest.fixture(scope="module")
+def plans() -> dict[str, ac.Trajectory]:
+    acceleration = np.full(6, 8.0)
+    return {
+        "planar": planar(),
+        "spatial": spatial(joint_acceleration=acceleration, angular_acceleration=5.0),
+        "jerk": spatial(joint_acceleration=acceleration, joint_jerk=np.full(6, 150.0)),
+    }
+
+
+def executed(plan: ac.Trajectory, targets) -> TimeScaling:
+    """Time of a plan whose override follows the targets, one per interval, then 100 %."""
+    override = override_of(plan, CYCLE, for_play=True)
+    # With limits of jerk, a change takes more computing time.
+    interval = 0.1 if plan.limits.joint_jerk is None else 0.3
+    pace = override.begin(targets[0])
+    t = 0.0
+    for target in targets[1:]:
+        t += interval
+        pace = override.change(pace, t, target)
+    while not pace.is_complete:
+        t += interval
+        pace = override.change(pace, t, 1.0)
+    return pace.scaling
+
+
+def uses(motion: ac.Trajectory, plan: ac.Trajectory, seed: int) -> dict[str, float]:
+    """Largest used fraction of each limit, by samples of the motion and by its positions."""
+    rng = np.random.default_rng(seed)
+    breaks = motion.breaks
+    inside = breaks[:-1] + rng.uniform(size=len(breaks) - 1) * np.diff(breaks)
+    t = np.concatenate([inside, rng.uniform(0.0, motion.duration, 20_000)])
+    q, dq, ddq, dddq = motion.motion(t, 3)
+    limits = plan.limits
+    arm = plan.arm
+    acceleration = np.broadcast_to(limits.joint_acceleration, plan.dof)
+    step = 1e-3
+    positions = motion(np.arange(0.0, motion.duration, step))
+    second = np.diff(positions, 2, axis=0) / step**2
+    found = {
+        "acceleration": np.abs(ddq) / acceleration,
+        "acceleration by positions": np.abs(second) / acceleration,
+    }
+    if limits.tool_acceleration is not None:
+        tool = np.linalg.norm(arm.tool_acceleration(q, dq, ddq), axis=1)
+        found["tool acceleration"] = tool / limits.tool_acceleration
+    if limits.angular_acceleration is not None:
+        turning = np.linalg.norm(arm.tool_twist_rate(q, dq, ddq)[:, 3:], axis=1)
+        found["angular acceleration"] = turning / limits.angular_acceleration
+    if limits.joint_jerk is not None:
+        found["jerk"] = np.abs(dddq) / limits.joint_jerk
+    if limits.joint_torque is not None and arm.has_bodies:
+        found["torque"] = np.abs(arm.torque(q, dq, ddq)) / limits.joint_torque
+    return {name: float(np.max(values)) for name, values in found.items()}
+
+
+def profile(seed: int) -> list[float]:
+    """Wanted overrides with pauses, which last several intervals each."""
+    rng = np.random.default_rng(seed)
+    chosen = rng.choice([0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.0], 12)
+    return np.repeat(chosen, rng.integers(1, 5, 12)).tolist()
+
+
+@pytest.mark.parametrize("name", ["planar", "spatial", "jerk"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_changes_use_half_of_the_reserve(plans, name, seed):
+    plan = plans[name]
+    scaling = executed(plan, profile(seed))
+    motion = scaling.trajectory(plan)
+    found = uses(motion, plan, seed)
+    assert max(found.values()) <= 1 - RESERVE / 2 + 1e-4, found
+    assert max(found.values()) > 1 - RESERVE, "a change that needs no reserve is no test"
+    # The joints are where the plan is, and are never faster.
+    t = np.linspace(0.0, motion.duration, 5001)
+    np.testing.assert_allclose(motion(t), plan(scaling(t)), atol=1e-12)
+    rate = scaling(t, 1)
+    assert rate.min() >= -1e-12 and rate.max() <= 1 + 1e-9
+    np.testing.assert_array_equal(motion(motion.duration), plan(plan.duration))
+
+
+@pytest.mark.parametrize("name", ["planar", "spatial", "jerk"])
+def test_a_constant_override_stretches_the_plan(plans, name):
+    plan = plans[name]
+    full = executed(plan, [1.0])
+    assert full.end == pytest.approx(plan.duration, abs=1e-9)
+    half = executed(plan, [0.5] * round(20 * plan.duration + 2))
+    assert half.end == pytest.approx(2 * plan.duration, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["planar", "spatial", "jerk"])
+def test_a_pause_rests_on_the_path_until_the_motion_goes_on(plans, name):
+    plan = plans[name]
+    scaling = executed(plan, [1.0] * 3 + [0.0] * 14)
+    t = np.arange(0.0, scaling.end, CYCLE)
+    is_resting = scaling(t, 1) == 0.0
+    paused = t[is_resting]
+    # The stop takes less than 1 s.
+    pause = (1.3 if plan.limits.joint_jerk is None else 3.9, 0.9)
+    assert pause[0] - pause[1] < len(paused) * CYCLE <= pause[0] + 0.1
+    assert np.ptp(scaling(paused[5:-5])) == 0.0
+    assert scaling.end < plan.duration + 6.0
+
+
+@pytest.mark.parametrize("name", ["planar", "spatial", "jerk"])
+def test_every_motion_ends_at_rest_on_the_path(plans, name):
+    """Whatever follows, or not: the sender may end at any time."""
+    plan = plans[name]
+    override = override_of(plan, CYCLE, for_play=True)
+    pace = override.begin(1.0)
+    for k in range(1, 12):
+        motion = pace.scaling.trajectory(plan)
+        assert np.abs(motion(motion.duration, 1, side="left")).max() < 1e-6
+        assert pace.is_complete or pace.scaling.end < pace.brake_time + 1.0
+        pace = override.change(pace, 0.1 * k, 1.0 if k % 3 else 0.3)
+
+
+def test_a_pause_is_hardly_slower_than_a_stop(plans):
+    """At the worst times, at which a joint brakes at its limit."""
+    plan = plans["planar"]
+    t = np.arange(0.2, plan.duration - 0.2, 2e-3)
+    velocity, acceleration = plan(t, 1), plan(t, 2)
+    limit = np.broadcast_to(plan.limits.joint_acceleration, plan.dof)
+    brakes = (velocity * acceleration < 0) & (np.abs(acceleration) > 0.9 * limit)
+    speed = np.where(brakes, np.abs(velocity) / limit, 0.0).max(axis=1)
+    ratios = []
+    for i in np.argsort(speed)[::-40][:12]:
+        override = override_of(plan, CYCLE, for_play=True)
+        pace = override.begin(1.0, delay=float(t[i]))
+        paused = override.change(pace, float(t[i]), 0.0)
+        stopped = stop(plan, float(t[i]))
+        ratios.append((paused.scaling.end - t[i]) / (stopped.duration - t[i]))
+    assert max(ratios) < 1.5
+
+
+def test_the_first_time_of_a_plan_is_found_in_a_time_scaling():
+    ones = np.ones(2)
+    zeros = np.zeros(2)
+    scaling = TimeScaling.hermite(
+        np.array([0.0, 1.0, 2.0]),
+        (np.array([0.0, 0.7]), ones, zeros),
+        (np.array([0.7, 1.0]), np.array([1.0, 0.0]), zeros),
+    )
+    tau = np.array([0.0, 0.3, 0.7, 0.9, 1.0])
+    np.testing.assert_allclose(scaling(scaling.times_of(tau)), tau, atol=1e-12)
+    later = scaling.since(0.5)
+    t = np.linspace(0.0, 1.5, 31)
+    np.testing.assert_allclose(later(t), scaling(t + 0.5), atol=1e-12)
+    np.testing.assert_allclose(later(t, 2), scaling(t + 0.5, 2), atol=1e-9)
+    rested = scaling.until(3.0)
+    assert rested(3.0) == pytest.approx(1.0) and rested.state_at(2.5).rate == 0.0
