@@ -282,8 +282,9 @@ class LinuxCNCDevice:
             braking = max(braking, BRAKING_TIMES * speeds[j] / limit)
         timeout = self.ahead * period + braking + HEARTBEAT_TIMEOUT
         self.component["timeout"] = timeout if new else max(timeout, self.component["timeout"])
+        settling = float(self.component["timeout"]) + DISABLED_TIME
         # Before row 0, the FIFO may also hold rows of the motion to it.
-        return float(self.component["timeout"]) + MAX_ALIGNING_ROWS * period * new
+        return settling + MAX_ALIGNING_ROWS * period * new
 
     def missed(self, all_sent: bool) -> int | None:
         """Return the first cycle without a row, once the FIFO has become empty in a motion."""
