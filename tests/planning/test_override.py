@@ -22,9 +22,7 @@ def planar() -> ac.Trajectory:
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
     rounded = ac.round_corners(path, tolerance=5e-3)
-    limits = arm.limits.replace(
-        speed=0.15, centripetal_acceleration=0.09, tool_acceleration=0.12
-    )
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09, tool_acceleration=0.12)
     return ac.plan(rounded, arm, limits, ac.Optimal(reserve=RESERVE, for_play=True))
 
 
@@ -140,7 +138,7 @@ def test_a_pause_rests_on_the_path_until_the_motion_goes_on(plans, name):
     paused = t[is_resting]
     # The stop takes less than 1 s.
     pause = (1.3 if plan.limits.joint_jerk is None else 3.9, 0.9)
-    assert pause[0] - pause[1] < len(paused) * CYCLE <= pause[0] + 0.1
+    assert pause[0] - pause[1] < len(paused) * CYCLE <= pause[0] + 0.3
     assert np.ptp(scaling(paused[5:-5])) == 0.0
     assert scaling.end < plan.duration + 6.0
 

@@ -58,7 +58,7 @@ class OverrideKeys:
             self._is_paused = False
         elif key == "q":
             self.ended.set()
-        elif key in "+=" and not is_held:
+        elif key in ("+", "=") and not is_held:
             faster = [x for x in SPEEDS if x > self._speed + SAME_SPEED]
             self._speed = min(faster, default=self._speed)
         elif key == "-" and not is_held:
