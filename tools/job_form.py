@@ -37,6 +37,7 @@ GROUPS = {
     "Layers and order": (
         *("path.layers", "process.by_layer", "process.order"),
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),
+        "process.only",
     ),
     "Part": ("path.frame", "path.repeat", "path"),
     "Servo": ("servo", "cycle", "plant"),

@@ -140,3 +140,12 @@ def test_play_prints_the_option(tmp_path, monkeypatch):
     assert code == 1
     code, printed, _ = run_command(["run", "job.yaml", "--resume-at", value, "--out", "rest"])
     assert code == 0 and "configuration of the whole job" in " ".join(printed.split())
+
+
+def test_the_printed_option_does_not_move_the_start_of_a_closed_path():
+    """The keys of a resumed or a first run leave a path of points as it is."""
+    job = parse_job(resuming.PLANAR)
+    patch = {("process", "resume_at"): "20 mm", ("process", "off"): True}
+    again = parse_job(resuming.PLANAR, patch=patch)
+    start = resuming.plan_of(again).objective.contours[0].path.start
+    np.testing.assert_allclose(start, job.program.path(0.02), atol=1e-12)

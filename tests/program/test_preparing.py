@@ -366,7 +366,7 @@ def test_a_resumed_program_processes_the_end_of_the_finished_part_again(resume_a
     assert (b.name, c.name) == ("b", "c") and c.path.length == BEND.length
     np.testing.assert_allclose(b.path(0.0), SQUARE(begin), atol=1e-12)
     assert b.path.length == pytest.approx(SQUARE.length - begin, abs=1e-12)
-    assert rest.resumed_at == pytest.approx(0.1 + begin, abs=1e-12)
+    assert rest.work_starts == pytest.approx([0.1 + begin, 0.1 + SQUARE.length], abs=1e-12)
     # The process is on from the start of the overlap.
     assert [(x.value, x.s) for x in b.events] == [(True, 0.0), (False, b.path.length)]
 

@@ -27,6 +27,11 @@ def to_quantities(text: str) -> list[str | int]:
     return [to_quantity(part) for part in text.split(",")]
 
 
+def to_names(text: str) -> list[str]:
+    """Convert text to a list of names, which commas separate."""
+    return [part.strip() for part in text.split(",")]
+
+
 def to_skip(_: bool) -> str:
     """Convert a flag to "skip", the value of the job key for unknown elements."""
     return "skip"
@@ -107,6 +112,13 @@ SPEED = Topic(
             "Length before --resume-at that is processed again, not beyond the start of the "
             "contour, such as '3 mm'.",
             read=to_quantity,
+        ),
+        JobOption(
+            "--only",
+            "process.only",
+            "Contours that are executed, in the order of the whole job: names, numbers from 1, or "
+            "layers, such as 'CUT, 3'.",
+            read=to_names,
         ),
     ),
 )

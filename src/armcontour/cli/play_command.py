@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import tempfile
 import threading
@@ -20,6 +21,7 @@ from armcontour.cli.interruption import on_interrupt
 from armcontour.cli.override_keys import HINT, OverrideKeys
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
+from armcontour.controllers.path_back import check_configuration
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
 from armcontour.core.quantities import AngularDistance, Interval
@@ -29,14 +31,15 @@ from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
+from armcontour.files.stop_file import LOG, read_stopped_place
 from armcontour.jobs import Job
 from armcontour.jobs.job import choose_run
+from armcontour.jobs.stopped_place import StoppedPlace
 
 # Exit code: the motion was as simulated, or this was a dry run.
 DONE = 0
 # Exit code: the motion was stopped, or it differs from the simulation.
 STOPPED = 1
-LOG = "log.csv"
 # Comment in a record that remains because its command did not end.
 UNFINISHED_NOTE = (
     "This record is incomplete: the command was ended or failed. It includes the motion to the "
@@ -52,13 +55,19 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
         raise InvalidInput("--out also requires --execute, because only a motion has a log.")
     refuse_without_terminal(options)
     band = read_option("--band", options.band, AngularDistance)
+    stop = stopped_place(options)
     job = open_job(options.job, options, progress)
+    name = options.run_name
+    if stop is not None:
+        job = stop.resumed(job)
+        name = name or stop.run
     controller = controller_of(job, options)
     learned = options.set_points
-    name = options.run_name
     is_learned = learned is not None
     speed = player.start_override(choose_run(job, name, "played"), learned=is_learned)
     job, plan = player.plan_kept(job, name, is_learned, progress)
+    if stop is not None:
+        check_configuration(plan, stop)
     ready = player.prepare_motion(
         job,
         plan,
@@ -70,14 +79,13 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     played = player.Player(controller, progress=progress).play(ready)
     end = [DRY]
     keys = OverrideKeys(speed)
-    stop = keys.ended
     error = None
     if execute:
-        with confirmed(played, stop, progress), keys.listening():
+        with confirmed(played, keys.ended, progress), keys.listening():
             begin_record(controller, folder, played)
             print_lines(HINT, err=True)
             try:
-                of_keys = player.Player(controller, True, stop.is_set, progress, keys)
+                of_keys = player.Player(controller, True, keys.ended.is_set, progress, keys)
                 played = of_keys.play(ready)
             except ControllerLost as lost:
                 error = lost
@@ -115,7 +123,7 @@ def is_approach(played: Played) -> bool:
 
 
 def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
-    """Write the log of a motion, and return a line that says where it is.
+    """Write the log of a motion; return lines that say where it is, and how to continue.
 
     Raises:
         FileError: It cannot be written to the folder; the message says where it is instead.
@@ -131,7 +139,30 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
             file.write_text(text, encoding="utf-8")
             raise FileError(f"{error} The log of the motion is in {file}.") from None
         raise
-    return [f"Log: {folder.folder / LOG}"]
+    lines = [f"Log: {folder.folder / LOG}"]
+    if played.stopped_at is not None and played.stopped_at.resume_at is not None:
+        lines.append(
+            "To continue where the motion was stopped, repeat the command with "
+            f"--resume {shlex.quote(str(folder.folder))}, and with another folder for --out."
+        )
+    return lines
+
+
+def stopped_place(options: Play) -> StoppedPlace | None:
+    """Return the stop that --resume names; None without it.
+
+    Raises:
+        InvalidInput: --resume-at also states a place, or the folder has no stopped motion.
+    """
+    if options.resume is None:
+        return None
+    sets = options.sets or ()
+    raise_if(
+        options.keys.get("resume_at") is not None
+        or any(x.startswith("process.resume_at") for x in sets),
+        "--resume and --resume-at both state where the job goes on. Remove one of them.",
+    )
+    return read_stopped_place(options.resume)
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:

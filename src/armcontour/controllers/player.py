@@ -17,6 +17,7 @@ from armcontour.controllers.controller import (
     PlayedMotion,
     per_joint,
 )
+from armcontour.controllers.path_back import check_configuration, path_back
 from armcontour.controllers.rolling_rows import (
     Prediction,
     RollingRows,
@@ -50,6 +51,7 @@ from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
 from armcontour.motion.log import FEWEST
 from armcontour.planning import Optimal, at_speed, plan
+from armcontour.planning.constraints import RapidSpeed
 from armcontour.program import contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -259,6 +261,11 @@ class Played(Result):
             note = place.words if place.option else ""
             yield Row("resume.option", answer, "", "to continue", note, FIRST)
             yield Row("resume.at", place.resume_at, "m")
+            # `armcontour play --resume` reads these values.
+            yield Row("resume.place", place.words)
+            yield Row("resume.job", place.job)
+            yield Row("resume.run", place.run)
+            yield Row("resume.only", place.only)
 
     def _override_rows(self) -> Iterator[Row]:
         """Yield how long the motion took, its lowest override, and how long it paused."""
@@ -316,6 +323,7 @@ def play(
     override: SpeedFactor | Callable[[], float] | None = None,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
+    resume: StoppedPlace | None = None,
     stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> Played:
@@ -325,8 +333,9 @@ def play(
     override is the share of this speed, and can change at any time: the joints then move through
     the same positions more slowly, by changes that use half of the reserve, and the set-points are
     compensated anew. A pause, a stop and every failure end at rest on the path. The robot moves to
-    the start on a straight line in joint space, at most at 10 % of its speed. No output is
-    switched. The result compares the measured motion with the simulation.
+    the start on a straight line in joint space, at most at 10 % of its speed; a robot that has
+    stopped on the path moves back along it. No output is switched. The result compares the
+    measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -347,19 +356,27 @@ def play(
         set_points: Set-points of `learn` for this run, which replace the compensation's. They
             belong to the speed factor of the run, so the override is 100 % by default. While it is
             lower, the learned corrections fade out.
+        resume: Where an earlier motion of the job was stopped (`Played.stopped_at`): the rest of
+            the job is played, by default of the same run.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
     Raises:
+        InvalidInput: The motion that was stopped belongs to another job, or nothing is left.
         ControllerRefused: The controller cannot be reached or differs from the plan, and nothing
             moves; or the drives do not follow their commands.
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
     learned = set_points is not None
+    if resume is not None:
+        job = resume.resumed(job)
+        run_name = run_name or resume.run
     start = start_override(choose_run(job, run_name, "played"), learned=learned)
     wanted = start if override is None else override
     played_job, planned = plan_kept(job, run_name, learned, progress)
+    if resume is not None:
+        check_configuration(planned, resume)
     ready = prepare_motion(
         played_job,
         planned,
@@ -577,9 +594,9 @@ class Player:
         """Plan the motion from a position to the first set-point."""
         limits = ready.plan.run.limits
         start = ready.motion.q[0]
-        return approach_of(
-            ready.job, limits, position, start, min(DEFAULT_SPEED_FACTOR, ready.speed_factor)
-        )
+        back = path_back(ready.plan, position, start)
+        factor = min(DEFAULT_SPEED_FACTOR, ready.speed_factor)
+        return approach_of(ready.job, limits, position, start, factor, back)
 
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
@@ -681,7 +698,7 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
     """Return each joint's distance from the start [rad], (dof,).
 
     Raises:
-        ControllerRefused: The robot cannot move there on a straight line in joint space.
+        ControllerRefused: The robot cannot move there.
     """
     start = ready.motion.q[0]
     arm = ready.job.arm
@@ -703,33 +720,53 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
             needed=float(position[j]),
         )
     if not is_at_start(arm, distance):
-        _clear_line(ready.job, position, start)
+        _clear_path(ready.job, position, start, path_back(ready.plan, position, start))
     return np.asarray(distance)
 
 
 def approach_of(
-    job: Job, limits: Limits, position: FloatArray, start: FloatArray, speed_factor: float
+    job: Job,
+    limits: Limits,
+    position: FloatArray,
+    start: FloatArray,
+    speed_factor: float,
+    back: JointPath | None = None,
 ) -> Trajectory:
-    """Plan the straight motion in joint space to the first set-point, at a fraction of full speed.
+    """Plan the motion to the first set-point, at a fraction of full speed.
+
+    - `back`: the way along the path of the motion, at the assigned velocity at most; by default a
+      straight line in joint space.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
     """
-    line = _clear_line(job, position, start)
-    fastest = plan(line, job.arm, limits.of_joints, Optimal(reserve=PLAYED_RESERVE))
-    return at_speed(fastest, speed_factor)
+    path = _clear_path(job, position, start, back)
+    constraints: tuple[RapidSpeed, ...] = ()
+    if back is not None and limits.speed is not None:
+        constraints = (RapidSpeed(limits.speed, job.arm),)
+    options = Optimal(reserve=PLAYED_RESERVE, constraints=constraints)
+    return at_speed(plan(path, job.arm, limits.of_joints, options), speed_factor)
 
 
-def _clear_line(job: Job, position: FloatArray, start: FloatArray) -> JointPath:
-    """Return the straight line in joint space; refuse it if the arm comes too near to something."""
-    line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
-    clearance = clearance_of(job, line)
+def _clear_path(
+    job: Job, position: FloatArray, start: FloatArray, back: JointPath | None
+) -> JointPath:
+    """Return the way to the start; refuse it if the arm comes too near to something.
+
+    - `back`: the way along the path of the motion; None for the straight line in joint space.
+    """
+    path = back
+    way = "motion back along the path"
+    if path is None:
+        path = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
+        way = "straight motion in joint space"
+    clearance = clearance_of(job, path)
     if clearance is not None and not clearance.satisfied:
         raise ControllerRefused(
-            f"The straight motion in joint space to the start is not possible: "
-            f"{clearance.sentence} Move the robot to the start by other means."
+            f"The {way} to the start is not possible: {clearance.sentence} Move the robot to the "
+            "start by other means."
         )
-    return line
+    return path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,10 @@ from armcontour.files.job_path import CONTOUR_LIMITS, find_contours, part_of
 from armcontour.geometry import Path
 from armcontour.program import Event, Process, Program
 
+# Keys that choose what is executed of a path, and how for a first run. They leave the path itself
+# as it is, so that a place on it is the same with and without them.
+EXECUTION_KEYS = ("resume_at", "rejoin", "only", "off", "lift")
+
 
 def add_process(
     path: Path | Program, process: Process | None, drawing: PathModel
@@ -30,7 +34,7 @@ def add_process(
     if isinstance(path, Path) and process is None:
         return path, Process()
     program = Program.from_path(path)
-    if drawing.file is None:
+    if drawing.file is None and process is not None and _changes_path(process):
         # As for a drawing, the process selects where a closed path of points starts.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
         program = Program(moves=tuple(contours))
@@ -39,6 +43,17 @@ def add_process(
     if notes:
         program = dataclasses.replace(program, notes=(*program.notes, *notes))
     return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
+
+
+def _changes_path(process: Process) -> bool:
+    """Return whether any key is set except those in EXECUTION_KEYS."""
+    plain = Process()
+    names = [x.name for x in dataclasses.fields(Process) if x.init and x.name != "up"]
+    return any(
+        getattr(process, name) != getattr(plain, name)
+        for name in names
+        if name not in EXECUTION_KEYS
+    )
 
 
 def _set_contour_values(program: Program, process: Process, drawing: PathModel) -> Process:

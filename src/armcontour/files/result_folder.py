@@ -247,7 +247,8 @@ def verify_file(folder: FilePath, name: str) -> FilePath:
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise FileError(
-            f"{folder} has no result. Specify a folder that run, certify or learn wrote (--out)."
+            f"{folder} has no result. Specify a folder that run, certify, learn or play wrote "
+            "(--out)."
         )
     if name not in written:
         raise FileError(

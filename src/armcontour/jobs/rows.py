@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from armcontour._version import __version__
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import quantities
@@ -545,10 +543,8 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
 
 def _move_table(result: RunRecord) -> Table:
     """List the moves of a program with their times; only rows of contours have all values."""
-    # As values of `resume_at`, start and end of a contour are cumulated working lengths.
-    ends = result.objective.resumed_at + np.cumsum(
-        [0.0, *map(work_length, result.objective.contours)]
-    )
+    # Start and end of a contour are values of `resume_at`.
+    work = result.objective.work_ranges
     errors = () if result.judged is None else result.judged.contours
     contours = enumerate(result.path.contours)
     rows = list[tuple[Any, ...]]()
@@ -563,7 +559,7 @@ def _move_table(result: RunRecord) -> Table:
                 outcome["iterations"] = max(len(shaped.history) - 1, 0)
             profile = (
                 *(contour.name, contour.layer, contour.closed, span.work),
-                *((float(ends[k]), float(ends[k + 1])), outcome),
+                *(tuple(map(float, work[k])), outcome),
                 plain(errors[k].to_data()) if errors else None,
             )
         rows.append((span.kind, span.t, span.s, *profile))

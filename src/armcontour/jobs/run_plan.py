@@ -104,24 +104,25 @@ def plan_one(
 def find_resumption(
     job: Job, run: Run, progress: Progress | None = None, *, clear: bool = True
 ) -> Resumption | None:
-    """Find the configuration in which the whole job passes the place where it is resumed.
+    """Find the configuration in which the whole job executes the part that is left of it.
 
-    None if the job is not resumed. The whole job is traced, but not timed. The program itself is
-    cut by `resume_program`, when `prepare_program` prepares it.
+    None if the job is neither resumed nor has `process.only`. The whole job is traced, but not
+    timed. The program itself is cut by `prepare`, which `prepare_program` calls.
 
     `clear`: whether the joint paths of the whole job must avoid collisions.
     """
-    resume_at = job.process.resume_at
-    if resume_at == 0:
+    if not job.process.is_partial:
         return None
-    process = dataclasses.replace(job.process, resume_at=0.0)
+    resume_at = job.process.resume_at
+    only = job.process.only
+    process = dataclasses.replace(job.process, resume_at=0.0, only=())
     whole_job = dataclasses.replace(job, process=process)
     report = subprogress(progress)
     try:
         objective = prepare_program(whole_job, run, report)
         place = ResumedPlace.find(objective, job.process)
         if place is None:
-            # `prepare_program` refuses the arc length.
+            # `prepare_program` refuses the arc length, or that no contour is left.
             return None
         path = round_program(whole_job, run, objective, report)
         (s,) = places_on_path(whole_job, run, objective, path, place.number, np.array([place.s]))
@@ -130,9 +131,10 @@ def find_resumption(
         if clear:
             traced, notes = first_clear(whole_job, run, traced, report)
     except ArmContourError as error:
-        return Resumption(resume_at=resume_at, reason=capitalise(str(error)))
+        return Resumption(resume_at=resume_at, only=only, reason=capitalise(str(error)))
     return Resumption(
         resume_at=resume_at,
+        only=only,
         begin=place.begin,
         whole=place.traced(traced, float(s)),
         notes=notes,

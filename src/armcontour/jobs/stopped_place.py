@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_plan import places_on_path
@@ -40,10 +42,18 @@ class StoppedPlace:
         resume_at: Value of `process.resume_at` [m]; None if no work is left, or the place is
             unknown.
         words: The place in words, as a clause.
+        job: Name of the job that was played.
+        run: Name of its run.
+        only: Value of `process.only`: contours that were to be executed; empty for all.
+        measured: Measured joint positions after the stop [rad], (dof,).
     """
 
     resume_at: float | None
     words: str
+    job: str
+    run: str
+    only: tuple[str, ...]
+    measured: FloatArray
 
     @property
     def option(self) -> str:
@@ -52,6 +62,37 @@ class StoppedPlace:
             return ""
         text = f"{1e3 * self.resume_at:.6f}".rstrip("0").rstrip(".")
         return f"--resume-at '{text} mm'"
+
+    def resumed(self, job: Job) -> Job:
+        """Return the job whose rest begins at this place.
+
+        If the job has no `process.only`, it gets that of the motion that was stopped.
+
+        Args:
+            job: The job that was played, as it was or after it was resumed before.
+
+        Raises:
+            InvalidInput: This is another job, no work is left, or the place is unknown.
+        """
+        if job.name != self.job:
+            raise InvalidInput(
+                f"The motion that was stopped belongs to the job {self.job!r}, but this is the job "
+                f"{job.name!r}. Specify the job that was played."
+            )
+        if self.resume_at is None:
+            raise InvalidInput(
+                f"The job {self.job} cannot be resumed where the motion was stopped: {self.words}."
+            )
+        process = job.process
+        rest = replace(process, resume_at=self.resume_at, only=process.only or self.only)
+        return replace(job, process=rest)
+
+
+class _Place(NamedTuple):
+    """Value of `process.resume_at` [m], None if no work is left or it is unknown; and the place."""
+
+    resume_at: float | None
+    words: str
 
 
 def find_stopped_place(
@@ -70,13 +111,17 @@ def find_stopped_place(
         measured: Measured joint positions [rad], (n, dof).
     """
     reached = _last_time_on_path(planned, end, t, measured)
-    if reached is None:
-        return StoppedPlace(
-            resume_at=None,
-            words="the tool has left its path, so the place of the stop is unknown",
-        )
-    time, distance = reached
-    return _place_at(job, planned, time, distance)
+    place = _Place(None, "the tool has left its path, so the place of the stop is unknown")
+    if reached is not None:
+        place = _place_at(job, planned, *reached)
+    return StoppedPlace(
+        resume_at=place.resume_at,
+        words=place.words,
+        job=job.name,
+        run=planned.run.name,
+        only=job.process.only,
+        measured=measured[-1],
+    )
 
 
 def _last_time_on_path(
@@ -115,31 +160,28 @@ def _last_time_on_path(
     return None
 
 
-def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> StoppedPlace:
+def _place_at(job: Job, planned: RunResult, time: float, distance: float) -> _Place:
     """Find the place at a plan time [s], or before it by a distance within the contour [m]."""
     objective = planned.objective
     works = [contour.at_work for contour in objective.contours]
-    lengths = np.cumsum([0.0, *(end - start for start, end in works)])
-    # A job that was resumed itself counts from the start of the whole job.
-    breaks = objective.resumed_at + lengths
+    # A part of a job counts from the start of the whole job.
+    breaks = objective.work_ranges[:, 0]
     for number, span in enumerate(planned.trajectory.contour_spans):
         name = contour_called(objective.contours[number], number)
         if time <= span.t[0]:
-            return StoppedPlace(
-                resume_at=float(breaks[number]), words=f"before {name}, which is resumed as a whole"
-            )
+            return _Place(float(breaks[number]), f"before {name}, which is resumed as a whole")
         if time >= span.t[1]:
             continue
         start, end = works[number]
         s = float(planned.trajectory.s(time)) - span.s[0]
         drawn = _drawn_place(job, planned, number, s) - distance
         if drawn <= start + REPEATED_POINT:
-            return StoppedPlace(resume_at=float(breaks[number]), words=f"at the start of {name}")
+            return _Place(float(breaks[number]), f"at the start of {name}")
         if drawn < end - REPEATED_POINT:
             # Rounded down, so that the text of the option is not after the place.
             value = np.floor((breaks[number] + drawn - start) / PLACE_RESOLUTION) * PLACE_RESOLUTION
-            return StoppedPlace(resume_at=float(max(value, breaks[number])), words=f"on {name}")
-    return StoppedPlace(resume_at=None, words="all contours are complete")
+            return _Place(float(max(value, breaks[number])), f"on {name}")
+    return _Place(None, "all contours are complete")
 
 
 def _drawn_place(job: Job, planned: RunResult, number: int, s: float) -> float:

@@ -93,11 +93,14 @@ class TracedWhole:
         s: Arc length of the whole contour at which the rest begins [m].
         later: Joint paths of the later moves of the whole program, by their number from its end;
             the last move has the number 1.
+        chosen: The later contours of the program, if it leaves out contours of the whole program;
+            they are all traced as in the whole program.
     """
 
     joint_path: JointPath
     s: float
     later: Mapping[int, JointPath]
+    chosen: tuple[TracedWhole, ...] = ()
 
     @property
     def q(self) -> FloatArray:
@@ -213,8 +216,9 @@ def trace_program(
     cached = {} if fastest is None else fastest
     tracer = _Tracer(program, contours, limited, configuration, seed, start, accept, cached)
     if whole is not None:
-        with error_context(contour_called(contours[0], 0)):
-            tracer.first = whole.trace(contours[0], limited)
+        for i, known in enumerate((whole, *whole.chosen)):
+            with error_context(contour_called(contours[i], i)):
+                tracer.known[i] = known.trace(contours[i], limited)
         # A later contour that the arm cannot reach from the previous contour starts in the
         # configuration of the whole program.
         cached.update(whole.later_paths(program.moves))
@@ -241,7 +245,8 @@ class _Tracer:
     fastest: dict[int, JointPath]
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None  # Joint path of the previous move
-    first: JointPath | None = None  # Joint path of the first contour, if known
+    # Known joint paths of contours, by the index of the contour
+    known: dict[int, JointPath] = field(default_factory=dict)
     # Index among the steps of the last rapid without a path, at which a gap to the next path is
     # closed; None for the place right before this path.
     rapid_step: int | None = None
@@ -256,7 +261,7 @@ class _Tracer:
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                known = None if self.done else self.first
+                known = self.known.get(self.done)
                 self._append(i, self._trace(move.path, i) if known is None else known, called)
             self.done += 1
         elif not isinstance(move, Rapid):
@@ -276,8 +281,8 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
-            if self.first is not None and not self.done:
-                start = ends_of(self.first)[0]
+            if self.done == 0 and 0 in self.known:
+                start = ends_of(self.known[0])[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
                 return
             is_free = self.last is None and self.seed is None and self.start is None

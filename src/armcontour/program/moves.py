@@ -302,8 +302,8 @@ class Program(Checked):
             joints only.
         other_layers: Names of the drawing's layers that are not run.
         left_out: The drawing's contours that are not run, if known.
-        resumed_at: Arc length of the whole program, without leads, at which this rest of it begins
-            [m]; 0 for a whole program.
+        work_starts: Arc lengths of the whole program, without leads, at which the contours begin
+            [m], for a part of a program; empty for a whole program.
 
     Raises:
         InvalidInput: There is no contour, an object is not a move, an event between contours has an
@@ -317,7 +317,7 @@ class Program(Checked):
     rapid_speed: Speed | None = None
     other_layers: tuple[str, ...] = ()
     left_out: tuple[Contour, ...] = ()
-    resumed_at: Distance = 0.0
+    work_starts: tuple[Distance, ...] = ()
 
     def _check_together(self) -> None:
         # These texts come from files and are printed on terminals.
@@ -395,6 +395,18 @@ class Program(Checked):
     def length(self) -> float:
         """Total length of all contours [m]."""
         return float(sum(x.path.length for x in self.contours))
+
+    @property
+    def work_ranges(self) -> FloatArray:
+        """Arc lengths of the whole program, without leads, at which contours start and end [m].
+
+        These are values of `Process.resume_at`, (contours, 2).
+        """
+        lengths = np.array([end - start for start, end in (x.at_work for x in self.contours)])
+        starts = np.cumsum(lengths) - lengths
+        if self.work_starts:
+            starts = np.array(self.work_starts)
+        return np.column_stack([starts, starts + lengths])
 
     @property
     def breaks(self) -> FloatArray:

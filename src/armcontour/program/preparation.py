@@ -18,6 +18,7 @@ from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Weave, weave_seam
 from armcontour.program.contour_order import close_contour, direct_contours, order_contours
+from armcontour.program.execution_choice import chosen_contours, leave_out
 from armcontour.program.moves import (
     AT_START,
     SWITCHED_ON,
@@ -62,12 +63,12 @@ def prepare(
     Args:
         program: The program as drawn, or a path.
         process: Requirements of the process.
-        lengths: Lengths of automatic leads, one item per contour after `resume_at`.
+        lengths: Lengths of automatic leads, one item per contour that is executed.
 
     Raises:
-        InvalidInput: `resume_at` is not less than the length of the program, a layer does not
-            exist, a lead has no side, lengths of leads are missing, or a program in the plane has
-            an approach, a retract or the height of a pierce.
+        InvalidInput: `resume_at` is not less than the length of the program, a layer or a contour
+            of `only` does not exist, a lead has no side, lengths of leads are missing, or a program
+            in the plane has an approach, a retract or the height of a pierce.
     """
     program = Program.from_path(program)
     check_process(program, process)
@@ -81,9 +82,17 @@ def prepare(
 
         placement = LeadPlacement(started.drawn, process, program.left_out[left_out_before:])
     program = replace(program, moves=started.moves)
+    chosen = chosen_contours(program.contours, process.only)
     program, run_in = resume_program(program, process)
+    # Indices among all contours of those that are executed.
+    executed = list(range(len(chosen)))[-len(program.contours) :]
+    if process.only:
+        is_executed = [chosen[i] for i in executed]
+        run_in = run_in if is_executed[0] else None
+        executed = [i for i in executed if chosen[i]]
+        program = _leave_out(program, is_executed, process, departing_rapids)
     _check_lengths(program, process, lengths)
-    contours = _add_all_leads(program, process, lengths, run_in, placement, len(started.drawn))
+    contours = _add_all_leads(program, process, lengths, run_in, placement, executed)
     moves = _link_moves(program.moves, contours, process, departing_rapids)
     if process.off:
         moves = _without_outputs(moves)
@@ -155,22 +164,39 @@ def _add_all_leads(
     lengths: Sequence[Leads] | None,
     run_in: Contour | None,
     placement: LeadPlacement | None,
-    drawn: int,
+    executed: Sequence[int],
 ) -> list[Contour]:
     """Return the contours of a program with their leads.
 
     - `lengths`: lengths of automatic leads, one item per contour.
     - `run_in`: part of the first contour before the point at which the program resumes.
-    - `drawn`: number of contours before the program was resumed.
+    - `executed`: indices of the contours in the whole program.
     """
     contours: list[Contour] = []
-    skipped = drawn - len(program.contours)
     for k, contour in enumerate(program.contours):
         contour_process = process.of_contour(contour)
         leads = _lead_lengths(contour_process, lengths, k)
         begin = run_in if k == 0 else None
-        contours.append(_add_leads(contour, contour_process, leads, begin, placement, skipped + k))
+        contours.append(_add_leads(contour, contour_process, leads, begin, placement, executed[k]))
     return contours
+
+
+def _leave_out(
+    program: Program, is_executed: Sequence[bool], process: Process, departing_rapids: set[Rapid]
+) -> Program:
+    """Return the program with the contours that are executed only.
+
+    Raises InvalidInput if none is left.
+    """
+    if not any(is_executed):
+        raise InvalidInput(
+            f"only chooses contours that end before resume_at, {process.resume_at:g} m, so "
+            "that nothing is left to execute. Remove one of them.",
+            s=process.resume_at,
+        )
+    if not program.work_starts:
+        program = replace(program, work_starts=tuple(program.breaks[:-1].tolist()))
+    return leave_out(program, is_executed, process.up, departing_rapids)
 
 
 def _limit_rapids(moves: Sequence[Move], speed: float) -> list[Move]:
@@ -546,7 +572,7 @@ def resume_program(program: Program, process: Process) -> tuple[Program, Contour
     resumed = replace(
         program,
         moves=(*switched.values(), remaining, *moves[i + 1 :]),
-        resumed_at=float(program.breaks[index]) + s,
+        work_starts=(float(program.breaks[index]) + s, *program.breaks[index + 1 : -1].tolist()),
     )
     if s <= REPEATED_POINT:
         return resumed, None

@@ -46,6 +46,8 @@ LEAD_LENGTH = Key(
     default="auto",
 )
 BEGIN = Key(hint=Literal["auto", "drawn"] | Distance | Annotated[list[Length], Items(2, 3)])
+# In a file, contours may also have numbers.
+ONLY = Key(hint=Annotated[list[int | NeededName], Convert(lambda x: tuple(map(str, x)))])
 # Usual values of what a message says is missing.
 SWITCH: dict[Keys, Any] = {("switch", "name"): "torch"}
 TABS: tuple[dict[Keys, Any], ...] = ({("count",): 3}, {("spacing",): "50 mm"})
@@ -296,10 +298,14 @@ class Process(Checked, LayerProcess):
             `off` [m]: every contour, rapid and approach is moved by one constant vector.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m]. A job keeps the configuration
-            of the whole job.
+            of the whole job. Contours that `only` leaves out count, too.
         rejoin: Length before `resume_at` that is processed again, so that the rest joins the
             finished part; not beyond the start of the contour [m]. Without `resume_at`, it has no
             effect.
+        only: Contours that are executed, in the order of the whole program: their names, their
+            numbers from 1, or layers; empty for all. Leads, kerf and the configuration are those of
+            the whole program. If a layer has the same name as a contour, write `contour 3` or
+            `layer 3`.
 
     Raises:
         InvalidInput: A value is not valid.
@@ -325,6 +331,7 @@ class Process(Checked, LayerProcess):
     lift: Distance = 0.0
     resume_at: Distance = 0.0
     rejoin: Distance = 0.0
+    only: Annotated[tuple[str, ...], ONLY] = ()
     _parts: Mapping[str | int, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -486,6 +493,11 @@ class Process(Checked, LayerProcess):
         """The leads of all contours."""
         pairs = ((x.lead_in, x.lead_out) for x in self.variants)
         return tuple(lead for lead in chain.from_iterable(pairs) if lead is not None)
+
+    @property
+    def is_partial(self) -> bool:
+        """True if only a part of the program is executed."""
+        return self.resume_at > 0 or bool(self.only)
 
     @property
     def begins_on(self) -> bool:

@@ -339,8 +339,8 @@ class CoarsePlanner:
         leads = (corners, arm_inputs, limits, run.timing) if job.process.automatic else ()
         made_of = drawn, comparable(job.process), run.end_time, leads
         resumption = None
-        if job.process.resume_at:
-            # The configuration in which the job resumes depends on the whole plan.
+        if job.process.is_partial:
+            # The configuration of a part of the job depends on the whole plan.
             resumption = get(
                 "resuming",
                 (made_of, corners, arm_inputs, limits, run.timing),
