@@ -1,6 +1,7 @@
 """Motions on LinuxCNC with stops and failures at random times, judged independently.
 
 Each motion is the paper's job with inverse compensation, on simulated drives in a HAL of its own.
+Its override changes at random times, with pauses; that of Ctrl-C is 100 %.
 The tool is calculated from the joints by formulas, its distance from the path by lines and arcs,
 and the demanded acceleration by HAL's law from the record. One process is best: `--jobs 1`.
 
@@ -64,6 +65,11 @@ PATIENCE = 60.0
 ATTEMPTS = 3
 # Requests after this may come too late for a stop [s].
 LATEST = 4.4
+# Overrides of a motion, and how long each is wanted [s].
+OVERRIDES = (0.0, 0.1, 0.25, 0.5, 1.0, 1.0, 1.0)
+OVERRIDE_PERIOD = 0.4
+# Last point of the path [m].
+END = np.array([0.350, 0.350])
 
 
 @cache
@@ -146,11 +152,18 @@ class Trial:
     """A motion in a folder of its own, in which something happens after a time.
 
     Args:
+        draw: Draws the override over time.
         at: Time after the begin of the motion [s].
         event: What happens then.
     """
 
-    def __init__(self, at: float = np.inf, event: Callable[[Trial], None] = lambda x: None) -> None:
+    def __init__(
+        self,
+        draw: random.Random,
+        at: float = np.inf,
+        event: Callable[[Trial], None] = lambda x: None,
+    ) -> None:
+        self.overrides = [draw.choice(OVERRIDES) for _ in range(round(LATEST / OVERRIDE_PERIOD))]
         self.at = at
         self.event = event
         self.begun = np.inf
@@ -161,8 +174,14 @@ class Trial:
 
     def tell(self, step: Step) -> None:
         """Note the steps that `play` reports, the last of which is the motion."""
-        if step.names[-1] == "playing":
-            self.begun = time.monotonic()
+        if "playing" in step.names:
+            self.begun = min(self.begun, time.monotonic())
+
+    def override(self) -> float:
+        """Return the wanted override, which changes during the motion."""
+        elapsed = time.monotonic() - self.begun
+        period = int(max(elapsed, 0.0) / OVERRIDE_PERIOD) if np.isfinite(elapsed) else 0
+        return self.overrides[period] if period < len(self.overrides) else 1.0
 
     def stop_requested(self) -> bool:
         """Return whether a stop is due; `play` calls this during the motion."""
@@ -181,7 +200,7 @@ class Trial:
                 job,
                 new_controller(),
                 execute=True,
-                override=1.0,
+                override=self.override,
                 stop_requested=self.stop_requested,
                 progress=self.tell,
             )
@@ -230,7 +249,7 @@ def feeders() -> list[int]:
 
 def try_stop(draw: random.Random) -> Outcome:
     """Stop at a random time, also near the ends."""
-    trial = Trial(draw.uniform(0.0, 5.2), ask)
+    trial = Trial(draw, draw.uniform(0.0, 5.2), ask)
     played = trial.play()
     record = played.record
     assert record is not None
@@ -244,8 +263,8 @@ def try_stop(draw: random.Random) -> Outcome:
 
 def try_killed_player(draw: random.Random) -> Outcome:
     """Send `kill -9` to the process that plays."""
-    trial = Trial()
-    program = "from soak.playing import *; Trial().play()"
+    trial = Trial(draw)
+    program = f"from soak.playing import *; Trial(random.Random({draw.random()})).play()"
     environment = {**os.environ, "TMPDIR": str(trial.folder)}
     player = subprocess.Popen([sys.executable, "-c", program], env=environment)
     file = _wait_for(lambda: next(iter(trial.folder.rglob("samples.csv")), None))
@@ -261,7 +280,8 @@ def try_killed_player(draw: random.Random) -> Outcome:
         trial.close()
         raise CameLate
     notes, ratio = judge(table[:, 0], table[:, 1:3], table[:, 3:5])
-    result = "stopped" if len(table) < 5500 else "ended"
+    is_at_end = float(np.abs(tool(table[-1:, 3:5])[0] - END).max()) < DISTANCE
+    result = "ended" if is_at_end else "stopped"
     return Outcome(kind="player killed", result=result, notes=notes + trial.close(), worst=ratio)
 
 
@@ -278,7 +298,7 @@ def try_closed_pipe(draw: random.Random) -> Outcome:
                     os.dup2(other, int(entry))
                     os.close(other)
 
-    trial = Trial(draw.uniform(0.0, 4.5), close)
+    trial = Trial(draw, draw.uniform(0.0, 4.5), close)
     said, record = trial.lost()
     notes, ratio = judge(record.t, record.command, record.measured)
     ended = record.stopped is None and trial.at < LATEST
@@ -302,7 +322,7 @@ def try_halt(draw: random.Random) -> Outcome:
 
         threading.Timer(0.3, go_on).start()
 
-    trial = Trial(draw.uniform(0.0, 4.5), halt)
+    trial = Trial(draw, draw.uniform(0.0, 4.5), halt)
     said, record = trial.lost()
     notes, ratio = judge(record.t, record.command, record.measured)
     kind = ("guard halted", "feeder halted")[number]
@@ -314,7 +334,9 @@ def try_halt(draw: random.Random) -> Outcome:
 def try_killed_feeder(draw: random.Random) -> Outcome:
     """Send `kill -9` to the feeder or its guard."""
     number = draw.choice([0, 1])
-    trial = Trial(draw.uniform(0.0, 4.5), lambda x: os.kill(feeders()[number], signal.SIGKILL))
+    trial = Trial(
+        draw, draw.uniform(0.0, 4.5), lambda x: os.kill(feeders()[number], signal.SIGKILL)
+    )
     said, record = trial.lost()
     notes, ratio = judge(record.t, record.command, record.measured)
     kind = ("guard killed", "feeder killed")[number]
@@ -331,7 +353,7 @@ def try_lost_controller(draw: random.Random) -> Outcome:
         for pid in programs(trial.folder) if controller else feeders():
             os.kill(pid, signal.SIGKILL)
 
-    trial = Trial(draw.uniform(0.3, 4.5), kill)
+    trial = Trial(draw, draw.uniform(0.3, 4.5), kill)
     said, record = trial.lost()
     notes = [] if said else ["the motion ended as if nothing had happened"]
     if len(record.t) < 1000 * trial.at - 500:
@@ -342,7 +364,7 @@ def try_lost_controller(draw: random.Random) -> Outcome:
 
 def try_command_line(draw: random.Random) -> Outcome:
     """Press Ctrl-C on a terminal at a random time, then give the log to `learn`."""
-    trial = Trial()
+    trial = Trial(draw)
     (trial.folder / "job.yaml").write_text(JOB, encoding="utf-8")
     command = [sys.executable, "-m", "armcontour", "play", "job.yaml", "--on", "linuxcnc"]
     command += ["--execute", "--speed-factor", "100 %", "--out", "out"]
