@@ -160,7 +160,8 @@ def test_a_pause_is_hardly_slower_than_a_stop(plans):
     """At the worst times, at which a joint brakes at its limit."""
     plan = plans["planar"]
     t = np.arange(0.2, plan.duration - 0.2, 2e-3)
-    velocity, acceleration = plan(t, 1), plan(t, 2)
+    velocity = plan(t, 1)
+    acceleration = plan(t, 2)
     limit = np.broadcast_to(plan.limits.joint_acceleration, plan.dof)
     brakes = (velocity * acceleration < 0) & (np.abs(acceleration) > 0.9 * limit)
     speed = np.where(brakes, np.abs(velocity) / limit, 0.0).max(axis=1)
