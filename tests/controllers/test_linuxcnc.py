@@ -11,6 +11,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -305,33 +306,77 @@ def test_without_a_terminal_nothing_is_executed(tmp_path, monkeypatch, name):
     assert not (tmp_path / "out").exists()
 
 
-@needs_linuxcnc
-def test_ctrl_c_on_a_terminal_stops(tmp_path):
-    (tmp_path / "job.yaml").write_text(JOB, encoding="utf-8")
-    words = ["play", "job.yaml", "--on", "linuxcnc", "--execute", "--speed-factor", "100 %"]
-    own, other = pty.openpty()
-    with subprocess.Popen(
-        [sys.executable, "-c", ON_TERMINAL, *words, "--out", "out"],
-        cwd=tmp_path,
-        stdin=other,
-        stdout=other,
-        stderr=other,
-        start_new_session=True,
-    ) as process:
+class Terminal:
+    """The command `play` on a terminal, which plays the job with the result folder `out`."""
+
+    def __init__(self, folder, speed):
+        words = ["play", "job.yaml", "--on", "linuxcnc", "--execute", "--speed-factor", speed]
+        (folder / "job.yaml").write_text(JOB, encoding="utf-8")
+        self.own, other = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", ON_TERMINAL, *words, "--out", "out"],
+            cwd=folder,
+            stdin=other,
+            stdout=other,
+            stderr=other,
+            start_new_session=True,
+        )
         os.close(other)
+
+    def wait_for(self, word):
+        """Read until a word is printed."""
         printed = b""
-        for awaited, answer in ((b"Type PMK-3s", b"PMK-3s\n"), (b"playing", b"\x03")):
-            while awaited not in printed:
-                printed += os.read(own, 1000)
-            printed = b""
-            os.write(own, answer)
+        while word not in printed:
+            printed += os.read(self.own, 1000)
+
+    def press(self, keys):
+        os.write(self.own, keys)
+
+    def end(self):
+        """Read until the command ends; returns its exit code and what it has printed."""
+        printed = b""
         with suppress(OSError):  # the other end is closed
-            while data := os.read(own, 1000):
+            while data := os.read(self.own, 1000):
                 printed += data
-    os.close(own)
-    assert process.returncode == 1, printed
+        os.close(self.own)
+        return self.process.wait(), printed
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("key", [b"\x03", b"q"])
+def test_ctrl_c_and_q_on_a_terminal_stop(tmp_path, key):
+    terminal = Terminal(tmp_path, "100 %")
+    terminal.wait_for(b"Type PMK-3s")
+    terminal.press(b"PMK-3s\n")
+    terminal.wait_for(b"playing")
+    terminal.press(key)
+    code, printed = terminal.end()
+    assert code == 1, printed
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["completed"] in (False, None)
+
+
+@needs_linuxcnc
+def test_keys_of_the_terminal_pause_and_change_the_speed(tmp_path):
+    terminal = Terminal(tmp_path, "25 %")
+    terminal.wait_for(b"Type PMK-3s")
+    terminal.press(b"PMK-3s\n")
+    terminal.wait_for(b"playing: 25 %")
+    terminal.press(b" ")
+    terminal.wait_for(b"paused")
+    time.sleep(1.5)
+    terminal.press(b"r")
+    terminal.wait_for(b"left")
+    terminal.press(b"+")
+    terminal.wait_for(b"playing: 50 %")
+    code, printed = terminal.end()
+    assert code == 0, printed
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["kept"] and summary["completed"]
+    assert summary["override"]["paused"] > 0.5
+    log = ac.read_log(tmp_path / "out" / "log.csv")
+    rate = np.diff(log.plan_time) / np.diff(log.t)
+    assert 0.45 < np.quantile(rate, 0.95) < 1.01 and rate.min() < 1e-6
 
 
 # A separate HAL, for HAL files of a machine.
