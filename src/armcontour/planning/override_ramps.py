@@ -34,6 +34,8 @@ JERK_MARGIN = 3e-3
 # Time at the wanted override before the stop at the end of a motion begins [s]. A stop takes more
 # computing time than without limits of jerk.
 RAMP_TIME_AT_TARGET = 0.4
+# Delays of a stop that are tried if it is not possible at once [s].
+STOP_DELAYS = (0.0, 0.05, 0.1, 0.2)
 # Rates that differ by less are equal.
 SAME_RATE = 1e-9
 
@@ -190,14 +192,19 @@ class RampOverride(Override):
             return self._pace(cruise, cruise, steady_from, cruise.end)
         rest = next_rest(self.plan, float(cruise(t)))
         rest_time = float(cruise.times_of(np.array([rest]))[0])
-        for horizon in (STOP_HORIZON, np.inf):
-            end = min(t + horizon, rest_time)
-            for limits in (self.limits, self.plan.limits_for(None)):
-                stopped = self._stop_within(cruise, t, end, limits)
-                if stopped is not None and stopped.end < rest_time:
-                    return self._pace(stopped, cruise, steady_from, t)
-            if end == rest_time:
-                break
+        full = self.plan.limits_for(None)
+        # Later, less of the reserve may be needed. The last attempts use all of it.
+        attempts = [
+            *((self.limits, t + delay, STOP_HORIZON) for delay in STOP_DELAYS),
+            (full, t, STOP_HORIZON),
+            (full, t, np.inf),
+        ]
+        for limits, begin, horizon in attempts:
+            if begin >= rest_time:
+                continue
+            stopped = self._stop_within(cruise, begin, min(begin + horizon, rest_time), limits)
+            if stopped is not None and stopped.end < rest_time:
+                return self._pace(stopped, cruise, steady_from, begin)
         # The plan itself rests before any stop.
         return self._pace(cruise.until(rest_time), cruise, steady_from, rest_time)
 
