@@ -9,7 +9,7 @@ OWNED = {
     "control.compensation": "CompensationOptions",
     "control.identification": "Identification",
     "control.learning": "LearningResult LearningRun Recording",
-    "controllers": "LinuxCNC Motion Played PlayedMotion Stop",
+    "controllers": "Chunk LinuxCNC Motion Played PlayedMotion RollingRows",
     "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",

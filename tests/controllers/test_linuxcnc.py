@@ -11,7 +11,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -363,8 +362,9 @@ def test_keys_of_the_terminal_pause_and_change_the_speed(tmp_path):
     terminal.press(b"PMK-3s\n")
     terminal.wait_for(b"playing: 25 %")
     terminal.press(b" ")
-    terminal.wait_for(b"paused")
-    time.sleep(1.5)
+    # The line is shown anew ten times per second.
+    for _ in range(15):
+        terminal.wait_for(b"paused")
     terminal.press(b"r")
     terminal.wait_for(b"left")
     terminal.press(b"+")

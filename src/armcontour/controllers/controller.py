@@ -101,7 +101,11 @@ class Motion(Checked):
     moving_band: Annotated[FloatArray, Quantity("rad"), Axes("joints")] | None = None
 
     def band_at(self, override: FloatArray) -> FloatArray:
-        """Return the band at some overrides [rad], (n, dof)."""
+        """Return the band [rad], (n, dof).
+
+        Args:
+            override: Shares of the planned speed, (n,).
+        """
         band = np.full(self.q.shape[1], np.inf) if self.band is None else self.band
         moving = 0.0 if self.moving_band is None else self.moving_band
         return np.asarray(band + override[:, None] * moving)

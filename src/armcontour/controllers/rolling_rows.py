@@ -13,14 +13,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from armcontour.control.compensation import CompensationOptions
 from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import Checked, declared
+from armcontour.core.quantities import AtLeast, Axes, Quantity
 from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.planning.override import Pace
@@ -89,8 +92,8 @@ def sample_rows(
     return np.asarray(np.einsum("nk,nkj->nj", weight, q[index]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Chunk:
+@declared(eq=False)
+class Chunk(Checked):
     """Rows of a motion from a cycle on, which end at rest.
 
     Args:
@@ -106,19 +109,24 @@ class Chunk:
         braked: Whether the stop of the chunk before had begun.
     """
 
-    k: int
-    q: FloatArray
-    predicted: FloatArray
-    plan_time: FloatArray
-    rate: FloatArray
-    correction: FloatArray
+    k: Annotated[int, AtLeast(0)]
+    q: Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
+    predicted: Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
+    plan_time: Annotated[FloatArray, Quantity("s"), Axes("n")]
+    rate: Annotated[FloatArray, Quantity("1"), Axes("n")]
+    correction: Annotated[FloatArray, Quantity("1"), Axes("n")]
     brake: int
     pace: Pace
     ends: bool
     braked: bool = False
 
     def rows_between(self, first: int, end: int) -> FloatArray:
-        """Return the rows of some cycles [rad], (end - first, dof); after the end it rests."""
+        """Return the rows of some cycles [rad], (end - first, dof); after the chunk, its last row.
+
+        Args:
+            first: The first cycle.
+            end: The cycle after the last one.
+        """
         return np.asarray(self.q[np.clip(np.arange(first, end) - self.k, 0, len(self.q) - 1)])
 
 
@@ -194,6 +202,7 @@ class RollingRows:
         for_play: Whether the plan was made with `PlanOptions.for_play`.
     """
 
+    @checks.explained
     def __init__(
         self,
         set_points: SetPoints,

@@ -151,7 +151,11 @@ class Log(Checked):
         return self.at(_time_mask(self.t, start, end, self.source))
 
     def at(self, used: BoolArray) -> Log:
-        """Return the part of the log with some samples; `used`: a mask, (n,)."""
+        """Return the part of the log with some samples.
+
+        Args:
+            used: Mask of the samples, (n,).
+        """
         return replace(
             self,
             t=self.t[used],
