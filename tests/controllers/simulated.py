@@ -65,11 +65,12 @@ class Simulated(Controller):
         stop_requested: Callable[[], bool] = lambda: False,
         override: Callable[[], float] = lambda: 1.0,
         show: Callable[[float], None] = lambda plan_time: None,
+        pause_after: Callable[[], bool] = lambda: False,
     ) -> PlayedMotion:
         """Play a motion; asks `stop_requested` in every cycle, and `override` for each chunk."""
         self._check_motion(motion)
         self.motions.append(motion)
-        sent = Sent(motion, self.cycle, override)
+        sent = Sent(motion, self.cycle, override, pause_after)
         measured = []
         dt = self.cycle
         q = self.held.copy()
@@ -126,6 +127,7 @@ class Sent:
         motion: The motion.
         cycle: Cycle of the controller [s].
         override: The wanted override.
+        pause_after: Whether the motion pauses at the end of the contour.
     """
 
     # A chunk replaces the rows from this time later on [s].
@@ -133,10 +135,18 @@ class Sent:
     # Time between two chunks [s].
     INTERVAL = 0.1
 
-    def __init__(self, motion: Motion, cycle: float, override: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        motion: Motion,
+        cycle: float,
+        override: Callable[[], float],
+        pause_after: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.rows = motion.rows
         self.cycle = cycle
         self.override = override
+        self.pause_after = pause_after
+        self.pauses_after = False
         self.stopping = False
         self._asked = False
         if self.rows is None:
@@ -177,6 +187,8 @@ class Sent:
         if self.rows is not None and not (self._asked and self.stopping):
             wanted = 0.0 if self.stopping else self.override()
             is_due = k % round(self.INTERVAL / self.cycle) == 0 and wanted > 0.0
+            is_due = is_due and not self.chunk.pauses
+            is_due = is_due or self.pause_after() != self.pauses_after
             later = k + round(self.AHEAD / self.cycle)
             over = self.chunk.pace.is_complete and later > self.chunk.brake
             if not over and (is_due or wanted != self.target or self.stopping):
@@ -187,7 +199,10 @@ class Sent:
     def _next(self, k: int, wanted: float) -> None:
         self._asked = self.stopping
         self.target = wanted
-        self.chunk = self.rows.next(self.chunk, k, wanted, ends=self.stopping)
+        self.pauses_after = self.pause_after()
+        self.chunk = self.rows.next(
+            self.chunk, k, wanted, ends=self.stopping, pause_after=self.pauses_after
+        )
         self._hold(k)
         self.ends = self.chunk.ends
         for name in ("q", "predicted", "plan_time", "rate"):
@@ -221,9 +236,10 @@ class Lost(Simulated):
         stop_requested: Callable[[], bool] = lambda: False,
         override: Callable[[], float] = lambda: 1.0,
         show: Callable[[float], None] = lambda plan_time: None,
+        pause_after: Callable[[], bool] = lambda: False,
     ) -> PlayedMotion:
         """Play a motion, or raise ControllerLost with the record until then."""
-        record = super().stream(motion, stop_requested, override, show)
+        record = super().stream(motion, stop_requested, override, show, pause_after)
         if len(self.motions) - 1 < self.motion:
             return record
         n = self.cycles

@@ -403,8 +403,8 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
 class Play(JobOptions, ControllerOptions, Results, Json):
     """Play a run on a robot controller and record it; the robot moves only with --execute.
 
-    During the motion, space pauses, r goes on, - and + change the speed, and q ends the motion on
-    its path. --speed-factor is the speed at the start.
+    During the motion, space pauses, c pauses at the end of the contour, r goes on, - and + change
+    the speed, and q ends the motion on its path. --speed-factor is the speed at the start.
 
     Args:
         run_name: Run of the job.

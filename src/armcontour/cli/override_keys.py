@@ -18,7 +18,10 @@ SAME_SPEED = 1e-9
 HELD_TIME = 0.7
 # Time between two looks for a key [s].
 KEY_PERIOD = 0.05
-HINT = "Keys: space pauses, r goes on, - and + change the speed, q ends the motion on its path."
+HINT = (
+    "Keys: space pauses, c pauses at the end of the contour, r goes on, - and + change the speed, "
+    "q ends the motion on its path."
+)
 
 
 class OverrideKeys:
@@ -35,12 +38,17 @@ class OverrideKeys:
         self.ended = threading.Event()
         self._speed = speed
         self._is_paused = False
+        self._pauses_after = False
         self._last_key = ""
         self._last_time = -HELD_TIME
 
     def __call__(self) -> float:
         """Return the wanted override; 0 while the motion is paused."""
         return 0.0 if self._is_paused else self._speed
+
+    def pause_after(self) -> bool:
+        """Return whether the motion pauses at the end of the contour."""
+        return self._pauses_after
 
     def press(self, key: str, now: float) -> None:
         """Obey a key; other keys do nothing.
@@ -54,8 +62,13 @@ class OverrideKeys:
         self._last_time = now
         if key == " ":
             self._is_paused = True
-        elif key == "r":
+        elif key == "c":
+            self._pauses_after = True
+        elif key == "r" and self._is_paused:
+            # A pause that was wanted at the end of the contour remains wanted.
             self._is_paused = False
+        elif key == "r" and not is_held:
+            self._pauses_after = False
         elif key == "q":
             self.ended.set()
         elif key in ("+", "=") and not is_held:

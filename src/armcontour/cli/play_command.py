@@ -85,7 +85,9 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
             begin_record(controller, folder, played)
             print_lines(HINT, err=True)
             try:
-                of_keys = player.Player(controller, True, keys.ended.is_set, progress, keys)
+                of_keys = player.Player(
+                    controller, True, keys.ended.is_set, progress, keys, keys.pause_after
+                )
                 played = of_keys.play(ready)
             except ControllerLost as lost:
                 error = lost

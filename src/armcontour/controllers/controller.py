@@ -289,6 +289,7 @@ class _ChunkSender(threading.Thread):
         rows: RollingRows,
         controller: Controller,
         override: Callable[[], float],
+        pause_after: Callable[[], bool],
     ) -> None:
         super().__init__(daemon=True)
         self.channel = channel
@@ -296,6 +297,7 @@ class _ChunkSender(threading.Thread):
         self.cycle = controller.cycle
         self.ahead = controller.ahead
         self.override = override
+        self.pause_after = pause_after
         self.played = 0
         self.table = _Table(rows.q.shape[1])
         self.braked = 0
@@ -303,6 +305,7 @@ class _ChunkSender(threading.Thread):
         self.lead = FIRST_LEAD
         self._number = 0
         self._target = 0.0
+        self._pauses_after = False
         self._sent_at = 0.0
         # Whether the motion is to stop and to end there, and whether the chunk for it was kept.
         self._stopping = False
@@ -364,10 +367,10 @@ class _ChunkSender(threading.Thread):
         if self._stopping:
             return True
         wanted = self._wanted()
-        if wanted != self._target:
+        if wanted != self._target or self.pause_after() != self._pauses_after:
             return wanted == 0.0 or time.monotonic() > self._sent_at + SHORTEST_CHUNK
-        if wanted == 0.0:
-            # The motion rests at the end of the chunk until the override changes.
+        if wanted == 0.0 or chunk.pauses:
+            # The motion rests at the end of the chunk until it is to go on.
             return False
         return self.due >= chunk.brake - round(CHUNK_MARGIN / self.cycle)
 
@@ -376,13 +379,15 @@ class _ChunkSender(threading.Thread):
         begin = time.monotonic()
         stopping = self._stopping
         target = self._wanted()
+        pause_after = self.pause_after()
         k = max(self.due, self.chunk.k)
-        chunk = self.rows.next(self.chunk, k, target, ends=stopping)
+        chunk = self.rows.next(self.chunk, k, target, ends=stopping, pause_after=pause_after)
         self._measure(begin)
         self._sent_at = begin
         if self._send(chunk):
             self.braked += chunk.braked and self._target > 0.0
             self._target = target
+            self._pauses_after = pause_after
             self._stop_sent = stopping
         else:
             self.lead = min(LEAD_INCREASE * self.lead, LONGEST_LEAD)
@@ -505,6 +510,7 @@ class Controller:
         stop_requested: Callable[[], bool] = lambda: False,
         override: Callable[[], float] = lambda: 1.0,
         show: Callable[[float], None] = lambda plan_time: None,
+        pause_after: Callable[[], bool] = lambda: False,
     ) -> PlayedMotion:
         """Play a motion and record it.
 
@@ -514,6 +520,8 @@ class Controller:
             override: Called often by another thread; returns the wanted share of the speed, from 0
                 (a pause on the path) to 1.
             show: Called often with the time of the plan that is executed [s].
+            pause_after: Called often by another thread; while it returns True, the motion pauses
+                at the end of the contour.
 
         Raises:
             ControllerRefused: The motion begins elsewhere; nothing moves.
@@ -529,7 +537,7 @@ class Controller:
         if motion.rows is None:
             channel.send(["C 1 0 0", *rows_as_lines(motion.q), "E"])
         else:
-            sender = _ChunkSender(channel, motion.rows, self, override)
+            sender = _ChunkSender(channel, motion.rows, self, override, pause_after)
             sender.start()
         channel.send(["G"])
         notes: list[str] = []

@@ -19,6 +19,7 @@ from armcontour.controllers.controller import (
 )
 from armcontour.controllers.path_back import check_configuration, path_back
 from armcontour.controllers.rolling_rows import (
+    SAME_PLAN_TIME,
     Prediction,
     RollingRows,
     predict_plan,
@@ -324,6 +325,7 @@ def play(
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
     resume: StoppedPlace | None = None,
+    pause_after: Callable[[], bool] = lambda: False,
     stop_requested: Callable[[], bool] = lambda: False,
     progress: Progress | None = None,
 ) -> Played:
@@ -358,6 +360,9 @@ def play(
             lower, the learned corrections fade out.
         resume: Where an earlier motion of the job was stopped (`Played.stopped_at`): the rest of
             the job is played, by default of the same run.
+        pause_after: Called often by another thread. While it returns True, the motion pauses at the
+            end of the contour that is executed; a contour whose last set-points are already sent,
+            about 0.35 s before its end, is completed together with the next one.
         stop_requested: Called often during the motion; True stops it on its path.
         progress: Called with the steps.
 
@@ -386,7 +391,8 @@ def play(
         speed_factor=wanted() if callable(wanted) else wanted,
     )
     of_time = wanted if callable(wanted) else lambda: wanted
-    played = Player(controller, execute, stop_requested, progress, of_time).play(ready)
+    player = Player(controller, execute, stop_requested, progress, of_time, pause_after)
+    played = player.play(ready)
     return judge_motion(played, band)
 
 
@@ -541,6 +547,8 @@ class Player:
         progress: Called with the steps.
         override: Called often during a motion, by another thread; returns the wanted share of the
             speed, 0 for a pause. The motion to the start also pauses.
+        pause_after: Called often during a motion, by another thread; True pauses it at the end of
+            the contour.
     """
 
     controller: Controller
@@ -548,6 +556,7 @@ class Player:
     stop_requested: Callable[[], bool] = lambda: False
     progress: Progress | None = None
     override: Callable[[], float] = lambda: 1.0
+    pause_after: Callable[[], bool] = lambda: False
 
     def play(
         self, ready: Played, is_final: Callable[[PlayedMotion], bool] = lambda record: True
@@ -587,6 +596,7 @@ class Player:
                 ready.job.arm,
                 self.override,
                 lambda plan_time: report(self._step_at(ready, plan_time)),
+                self.pause_after,
             )
             return replace(played, record=record)
 
@@ -634,6 +644,10 @@ class Player:
         left = max(plan.duration - plan_time, 0.0)
         remaining = f"{number(left / override, 's')} left" if override else "paused"
         place = place_in_program(ready.plan, plan_time)
+        if self.pause_after():
+            rests = any(abs(plan_time - x.t[1]) < SAME_PLAN_TIME for x in plan.contour_spans)
+            place = f"{place}: {'pauses at its end' if not rests else 'has ended'}"
+            remaining = "paused" if rests else remaining
         done = min(max(plan_time / plan.duration, 0.0), 1.0)
         return Step(("playing", f"{100 * override:.3g} %", place, remaining), done)
 
@@ -643,9 +657,10 @@ class Player:
         arm: Arm,
         override: Callable[[], float],
         show: Callable[[float], None] = lambda plan_time: None,
+        pause_after: Callable[[], bool] = lambda: False,
     ) -> PlayedMotion:
         """Play a motion, and refuse drives that have not moved."""
-        record = self.controller.stream(motion, self.stop_requested, override, show)
+        record = self.controller.stream(motion, self.stop_requested, override, show, pause_after)
         if not len(record.t):
             raise ControllerRefused(f"Nothing was recorded: {' '.join(record.notes)}")
         commanded = np.ptp(record.command, axis=0)

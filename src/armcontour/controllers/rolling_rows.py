@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -54,6 +54,8 @@ FULL_RATE = 1e-9
 COMPARED_TIME = 0.3
 # Rounding error of a number of cycles.
 SAME_COUNT = 1e-9
+# Times of a plan that differ by less than this [s] are equal.
+SAME_PLAN_TIME = 1e-9
 # Cycles that differ by less than this [s] are equal.
 SAME_CYCLE = 1e-12
 
@@ -107,6 +109,8 @@ class Chunk(Checked):
         pace: The motion through the plan.
         ends: Whether the motion ends with these rows; otherwise another chunk can follow the rest.
         braked: Whether the stop of the chunk before had begun.
+        pause_at: Time of the plan at which the motion pauses, at the end of a contour [s]; infinite
+            without a pause.
     """
 
     k: Annotated[int, AtLeast(0)]
@@ -119,6 +123,14 @@ class Chunk(Checked):
     pace: Pace
     ends: bool
     braked: bool = False
+    pause_at: float = math.inf
+
+    @property
+    def pauses(self) -> bool:
+        """True if the rest at the end is the pause, so that no chunk is due before it is over."""
+        pace = self.pace
+        is_end = pace.end_of_plan >= self.pause_at - SAME_PLAN_TIME
+        return is_end and pace.brake_time >= pace.scaling.end
 
     def rows_between(self, first: int, end: int) -> FloatArray:
         """Return the rows of some cycles [rad], (end - first, dof); after the chunk, its last row.
@@ -255,7 +267,15 @@ class RollingRows:
         weight = 1.0 if override == 1.0 else 0.0
         return self._chunk(pace, window, 0, weight, ends=False, braked=False)
 
-    def next(self, before: Chunk, k: int, override: float, *, ends: bool = False) -> Chunk:
+    def next(
+        self,
+        before: Chunk,
+        k: int,
+        override: float,
+        *,
+        ends: bool = False,
+        pause_after: bool = False,
+    ) -> Chunk:
         """Compute the chunk that replaces the rows from a cycle on.
 
         Args:
@@ -263,6 +283,8 @@ class RollingRows:
             k: The cycle, not before `before.k`.
             override: The wanted override, 0 to 1.
             ends: Whether the motion ends with the rest of this chunk.
+            pause_after: Whether the motion pauses at the end of the contour that it executes in
+                cycle k, or else of the next one.
 
         Raises:
             NotRealizable: Rows before k would have to change.
@@ -273,17 +295,33 @@ class RollingRows:
         foresight = FORESIGHT
         while foresight <= LONGEST_FORESIGHT:
             t = k * self.cycle + self._start_time + self._look_ahead(foresight)
-            pace = self._override.change(before.pace, max(t, 0.0), target)
+            pause_at = self._pause_time(before, t) if pause_after else math.inf
+            is_paused = before.pace.scaling(max(t, 0.0)) >= pause_at - SAME_PLAN_TIME
+            pace = self._override.change(before.pace, max(t, 0.0), 0.0 if is_paused else target)
+            pace = pace.pausing_at(pause_at)
             window = self._window(pace, t)
             if self._keeps(window, before, k):
-                braked = before.rate.any() and t > before.pace.brake_time
-                return self._chunk(pace, window, k, weight, ends=ends, braked=bool(braked))
+                braked = before.rate.any() and t > before.pace.brake_time and not before.pauses
+                chunk = self._chunk(pace, window, k, weight, ends=ends, braked=bool(braked))
+                return replace(chunk, pause_at=pause_at)
             foresight *= 2
         raise NotRealizable(
             f"The set-points before cycle {k} depend on the motion after it, because the "
             f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
             "poles or wider command limits."
         )
+
+    def _pause_time(self, before: Chunk, t: float) -> float:
+        """Return the time of the plan at which a motion pauses [s]; infinite after all contours.
+
+        It is the end of the contour that is executed at a time of the motion [s], at which the plan
+        rests, or a pause that was chosen before.
+        """
+        if before.pause_at < math.inf:
+            return before.pause_at
+        ends = [x.t[1] for x in self.set_points.trajectory.contour_spans]
+        reached = float(before.pace.scaling(max(t, 0.0)))
+        return next((x for x in ends if x > reached + SAME_PLAN_TIME), math.inf)
 
     def _look_ahead(self, foresight: int) -> float:
         """Return how long before a change of the motion set-points change [s].

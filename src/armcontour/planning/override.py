@@ -13,7 +13,8 @@ reserve of the plan. They use half of it, the other half is left to the servo.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -68,6 +69,24 @@ class Pace:
     def end_of_plan(self) -> float:
         """Time at which the plan is where the motion ends [s]."""
         return float(self.scaling(self.scaling.end))
+
+    def pausing_at(self, tau: float) -> Self:
+        """Return the motion that rests at a time of the plan, if it reaches this time.
+
+        The plan itself must rest there, so the motion ends at rest as well, within the limits.
+
+        Args:
+            tau: Time of the plan [s].
+        """
+        if self.end_of_plan <= tau + SAME_TIME:
+            return self
+        t = float(self.scaling.times_of(np.array([tau]))[0])
+        return replace(
+            self,
+            scaling=self.scaling.until(t),
+            brake_time=min(self.brake_time, t),
+            is_complete=False,
+        )
 
 
 class Override(ABC):

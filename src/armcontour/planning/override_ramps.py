@@ -15,7 +15,12 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import Trajectory
 from armcontour.motion.time_scaling import COEFFICIENTS, TimeScaling, on_piece
 from armcontour.planning.override import CycleOverride, Override, Pace
-from armcontour.planning.stop_in_play import next_rest, path_over_time, smooth_stop
+from armcontour.planning.stop_in_play import (
+    REST_JOINT_SPEED,
+    next_rest,
+    path_over_time,
+    smooth_stop,
+)
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import States
 
@@ -125,6 +130,9 @@ class RampOverride(Override):
         state = kept.state_at(kept.end)
         if abs(state.rate - target) < SAME_RATE:
             return (kept.followed_by(self._steady(kept.end, state.tau, state.rate)), kept.end)
+        if state.rate < SAME_RATE and self._plan_rests(state.tau):
+            # After a pause at a rest of the plan, the rate can have any value, as at the start.
+            return (kept.followed_by(self._steady(kept.end, state.tau, target)), kept.end)
         duration = SHORTEST_RAMP
         found = None
         while found is None and duration <= LONGEST_RAMP:
@@ -143,6 +151,10 @@ class RampOverride(Override):
                 high = middle
                 found = shorter
         return found
+
+    def _plan_rests(self, tau: float) -> bool:
+        """Return whether the plan is at rest at one of its times [s]."""
+        return bool(np.abs(self.plan(tau, 1)).max() < REST_JOINT_SPEED)
 
     def _ramp_in(
         self, kept: TimeScaling, target: float, duration: float
