@@ -10,8 +10,8 @@ import armcontour as ac
 from armcontour.controllers import Controller
 from armcontour.controllers.player import uncompensated_motion
 
-# Plays the first block of a motion at once: samples of the motion before, then one per row, which is
-# as commanded. It refuses later blocks. The motion ends after many passes of the controller's loop.
+# Plays the first block of a motion at once: samples of the motion before, then one per row, which
+# is as commanded. It refuses later blocks. The motion ends after many passes of the controller.
 SCRIPT = """
 import sys
 stale = sys.argv[1].split()
