@@ -38,7 +38,7 @@ GROUPS = {
         *("path.layers", "process.by_layer", "process.order"),
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),
     ),
-    "Part": ("path.frame", "path.repeat", "path"),
+    "Part": ("path.frame", "path.repeat", "path.edges", "path"),
     "Servo": ("servo", "cycle", "plant"),
     "Run": ("timing", "compensation", "duration", "end_time", "speed_factor"),
     "Cell": ("scene",),
