@@ -12,7 +12,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "cad_model": "Model ModelEdge ModelPart",
+    "cad_model": "Model ModelEdge ModelPart ModelSeam",
     "edge_rules": "EdgeRule FaceRule",
     "tool_axis": "Bisector FaceNormal",
 }

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -22,7 +23,7 @@ from armcontour.files.length_units import unit_length
 from armcontour.files.model.axis_fit import orient
 from armcontour.files.model.edge_chains import Chain, make_chains
 from armcontour.files.model.edge_paths import make_path
-from armcontour.files.model.edge_rules import MODELS, EdgeRule
+from armcontour.files.model.edge_rules import LINE, MODELS, EdgeRule
 from armcontour.files.model.edge_selection import (
     MOST_NAMES,
     SelectedEdge,
@@ -38,6 +39,12 @@ from armcontour.robot.scene import PART, Mesh, Obstacle
 
 # Largest number of contours of a program for which no rule names edges.
 MOST_WITHOUT_RULE = 20
+# Largest number of pairs of parts whose seams are listed.
+MOST_PAIRS = 20
+# Parts whose boxes are farther apart than this do not touch [m].
+BOX_GAP = 1e-6
+# Number of points of a curve in a picture.
+CURVE_POINTS = 49
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,6 +88,26 @@ class ModelEdge:
     radius: float
     middle: FloatArray
     parts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModelSeam:
+    """The seams between two parts that touch.
+
+    Args:
+        parts: Names of the parts, as in `EdgeRule.seams`.
+        edges: Number of edges along which their surfaces meet.
+        length: Length of these edges [m].
+        openings: Free distances of the edges along the bisector of their faces [m], as in
+            `EdgeRule.open`, (edges,); infinite without a face.
+        lengths: Lengths of the edges [m], (edges,).
+    """
+
+    parts: tuple[str, str]
+    edges: int
+    length: float
+    openings: FloatArray
+    lengths: FloatArray
 
 
 @checked
@@ -164,6 +191,55 @@ class Model(Immutable):
     def unit(self) -> float:
         """Length of the unit that the file declares [m]; NaN if it declares several."""
         return self._tables.unit
+
+    @cached_property
+    def touching(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of names of parts whose boxes touch, so that they may have seams."""
+        pairs: dict[tuple[str, str], None] = {}
+        for first, second in combinations(self.parts, 2):
+            apart = np.maximum(first.extent[0], second.extent[0]) - np.minimum(
+                first.extent[1], second.extent[1]
+            )
+            if apart.max() <= BOX_GAP and first.name != second.name:
+                pairs.setdefault((first.name, second.name))
+        return tuple(pairs)
+
+    def seams(self) -> tuple[ModelSeam, ...]:
+        """Return the seams between all parts that touch.
+
+        Raises:
+            InvalidInput: More than 20 pairs of parts may touch, so finding all seams takes long.
+        """
+        if len(self.touching) > MOST_PAIRS:
+            raise InvalidInput(
+                f"{self.source} has {len(self.touching)} pairs of parts that may touch, but seams "
+                f"are listed for at most {MOST_PAIRS}. Name two parts in a rule with seams."
+            )
+        if not self.touching:
+            return ()
+        tables = self._ask(Request(seams=self.touching))
+        seams = []
+        for pair in self.touching:
+            edges = [x for x in tables.edges if x.seam == pair]
+            lengths = np.array([x.length for x in edges])
+            seams.append(
+                ModelSeam(
+                    parts=pair,
+                    edges=len(edges),
+                    length=float(lengths.sum()),
+                    openings=np.array([x.opening for x in edges]),
+                    lengths=lengths,
+                )
+            )
+        return tuple(x for x in seams if x.edges)
+
+    def curves(self) -> list[FloatArray]:
+        """Return points along each edge of `edges`, for a picture [m], (n, 3) each."""
+        points = []
+        for edge in self.edges:
+            count = 2 if edge.kind == LINE else CURVE_POINTS
+            points.append(self._tables.edges[edge.index - 1].curve(np.linspace(0, 1, count)))
+        return points
 
     def select(self, *rules: EdgeRule) -> tuple[ModelEdge, ...]:
         """Return the edges that rules select, in the order of the rules.

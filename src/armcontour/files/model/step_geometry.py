@@ -53,6 +53,10 @@ LAST_TERMS = 2
 # Steps by which a point is moved on a surface whose normal vanishes there, such as a pole
 # [parameter of the surface].
 ASIDE = (0.0, 1e-6, -1e-6, 1e-4, -1e-4)
+# Largest number of steps to the point of a surface that is nearest to a point, and distance below
+# which two points are one place of the surface [mm].
+PROJECTIONS = 3
+SAME_PLACE = 1e-5
 # A cross product below this fraction of the product of its factors is zero.
 NO_NORMAL = 1e-12
 
@@ -80,11 +84,22 @@ class KernelFace:
         """Kind of the surface."""
         return "freeform" if self.table is None else self.table.kind
 
-    def normal(self, u: float, v: float) -> Vector:
-        """Return the outward unit normal at parameters of the surface."""
+    def normal(self, u: float, v: float, near: Vector) -> Vector:
+        """Return the outward unit normal at the point of the surface that is nearest to a point.
+
+        - `u`, `v`: parameters of a point of the surface close to it.
+        - `near`: the point [mm].
+        """
         point = gp_Pnt()
         du = gp_Vec()
         dv = gp_Vec()
+        for _ in range(PROJECTIONS):
+            self.surface.D1(u, v, point, du, dv)
+            step = _step_towards(_xyz(du), _xyz(dv), _difference(near, _xyz(point)))
+            if step is None:
+                break
+            u += step[0]
+            v += step[1]
         for aside in ASIDE:
             self.surface.D1(u + aside, v + aside, point, du, dv)
             normal = du.Crossed(dv)
@@ -93,6 +108,28 @@ class KernelFace:
                 scale = self.sign / size
                 return scale * normal.X(), scale * normal.Y(), scale * normal.Z()
         return 0.0, 0.0, 0.0
+
+
+def _step_towards(du: Vector, dv: Vector, offset: Vector) -> tuple[float, float] | None:
+    """Return the change of parameters that moves a point of a surface by an offset along it.
+
+    None if it moves by less than SAME_PLACE, or if the derivatives are parallel.
+
+    - `du`, `dv`: derivatives of the point by its parameters.
+    """
+    uu = _dot(du, du)
+    vv = _dot(dv, dv)
+    uv = _dot(du, dv)
+    determinant = uu * vv - uv * uv
+    if determinant <= NO_NORMAL * uu * vv:
+        return None
+    along_u = _dot(du, offset)
+    along_v = _dot(dv, offset)
+    x = (vv * along_u - uv * along_v) / determinant
+    y = (uu * along_v - uv * along_u) / determinant
+    if x * x * uu + y * y * vv <= SAME_PLACE**2:
+        return None
+    return x, y
 
 
 def _describe_surface(surface: Any) -> Surface | None:
@@ -121,6 +158,7 @@ class KernelUse:
     face: KernelFace
     index: int  # Index of the face
     edge: Any  # The oriented edge
+    curve: Any  # Its curve in space
     forward: bool
     flat_curve: Any = None
 
@@ -129,7 +167,8 @@ class KernelUse:
         if self.flat_curve is None:
             self.flat_curve = BRepAdaptor_Curve2d(self.edge, self.face.shape)
         place = self.flat_curve.Value(t)
-        return self.face.normal(place.X(), place.Y())
+        # The curve in space and that on the surface may differ by the tolerance of the file.
+        return self.face.normal(place.X(), place.Y(), _xyz(self.curve.Value(t)))
 
 
 class KernelEdge:
@@ -273,6 +312,11 @@ def _cross(a: Vector, b: Vector) -> Vector:
     return x, y, z
 
 
+def _difference(a: Vector, b: Vector) -> Vector:
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
 def _xyz(vector: Any) -> Vector:
     """Return the coordinates of a point, vector or direction of the kernel."""
     return vector.X(), vector.Y(), vector.Z()
@@ -306,7 +350,7 @@ class Topology:
             edge = self.edges[self._index_of(edge_shape)]
             edge.inside |= any(x.face is face for x in edge.uses)
             forward = oriented.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
-            edge.uses.append(KernelUse(face, index, edge_shape, forward))
+            edge.uses.append(KernelUse(face, index, edge_shape, edge.curve, forward))
 
     def _index_of(self, shape: Any) -> int:
         """Return the index of an edge, which is added if it is new."""

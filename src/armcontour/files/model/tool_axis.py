@@ -84,8 +84,8 @@ class Bisector(Checked):
     def axes(self, link: Link, v: FloatArray) -> FloatArray:
         """Return the directions of the tool axis, (n, 3), which point from the tool to the edge.
 
-        With the axis z without these angles, the tangent t and b = z × t, the work angle w and the
-        travel angle a:
+        With the axis z without these angles, the direction of travel t perpendicular to it, and
+        b = z × t, the work angle w and the travel angle a:
 
             z' = cos w z + sin w b,  z'' = cos a z' + sin a t
 
@@ -93,15 +93,17 @@ class Bisector(Checked):
             link: The edge in its chain.
             v: Fractions of the edge in the direction of travel, (n,).
         """
-        tangents = link.tangents(v)
         z = -self.outward(link, v)
-        z = z - np.sum(z * tangents, axis=1, keepdims=True) * tangents
-        size = np.linalg.norm(z, axis=1, keepdims=True)
+        along = link.tangents(v)
+        # Edges in files are not exactly on their faces, so their tangents are not exactly
+        # perpendicular to the normals.
+        along = along - np.sum(along * z, axis=1, keepdims=True) * z
+        size = np.linalg.norm(along, axis=1, keepdims=True)
         if (size < PARALLEL).any():
             raise InvalidInput(f"A face at edge {link.index + 1} is perpendicular to the edge.")
-        z = z / size
-        leaned = np.cos(self.work) * z + np.sin(self.work) * np.cross(z, tangents)
-        return np.asarray(np.cos(self.travel) * leaned + np.sin(self.travel) * tangents)
+        along = along / size
+        leaned = np.cos(self.work) * z + np.sin(self.work) * np.cross(z, along)
+        return np.asarray(np.cos(self.travel) * leaned + np.sin(self.travel) * along)
 
 
 @declared()
