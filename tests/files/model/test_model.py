@@ -333,6 +333,18 @@ def test_ends_that_almost_touch_are_joined(tmp_path):
     assert len(model.program(both).contours) == 1
 
 
+def test_edges_shorter_than_the_join_tolerance_are_points(tmp_path):
+    # A step of 5 micrometres in the outline of a plate.
+    shape = step_parts.fused(box((0, 0, 0), (50, 20, 5)), box((0, 0, 0), (20, 20.005, 5)))
+    model = ac.read_model(write(tmp_path / "step.step", Named("step", shape)))
+    (contour,) = model.program(EdgeRule(face=FaceRule(near=[10 * MM, 10 * MM, 5 * MM]))).contours
+    assert contour.closed and contour.path.length == pytest.approx(80 * MM, abs=2e-5)
+    short = min(model.edges, key=lambda x: x.length)
+    assert short.length < 1e-5
+    with pytest.raises(ac.InvalidInput, match="join_tolerance"):
+        model.program(EdgeRule(index=short.index))
+
+
 def test_holes_and_bodies_of_one_part_are_numbered(tmp_path):
     shape = cut(box((0, 0, 0), (60, 30, 5)), *(cylinder(4, 20, (x, 15, -5)) for x in (15, 45)))
     model = ac.read_model(write(tmp_path / "plate.step", Named("plate", shape)))

@@ -35,8 +35,17 @@ def orient(edge_path: EdgePath, axis: Bisector) -> Orientation:
     has no jumps.
     """
     run = _TargetAxis(edge_path, axis).fit()
+    if angle_between(run.axes, run.axes[:1]).max() <= SAME_AXIS:
+        return _constant(edge_path, run.axes[0])
     first = exp(shortest([0.0, 0.0, 1.0], run.axes[0]))
     return turn_axes_along([run], first)
+
+
+def _constant(edge_path: EdgePath, axis: FloatArray) -> Orientation:
+    """Return an orientation with one tool axis along a whole path."""
+    orientation = edge_path.path.pointing(axis).orientation
+    assert orientation is not None
+    return orientation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
