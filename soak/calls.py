@@ -43,6 +43,7 @@ from armcontour.studies.placement import Placement
 from armcontour.verification import check_interpolation
 from armcontour.verification.clearance import Cell
 from soak import Outcome
+from soak.step_box import step_box
 
 ROWS = [f"{t:.3f},{np.sin(t):.5f},{np.sin(t - 0.01):.5f}" for t in np.arange(300) * 4e-3]
 # Files by their names: a short job for an arm in the plane, and what else is read.
@@ -59,6 +60,7 @@ runs: {only: {compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm}
 """,
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
+    "box.step": step_box((40.0, 30.0, 20.0)),
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
     "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
 }
@@ -165,6 +167,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.prepare, {"program": x["path"], "process": ac.Process()}),
         (ac.read_job, {"file": "bend.yaml"}),
         (ac.read_log, {"file": "log.csv"}),
+        (ac.read_model, {"file": "box.step"}),
         (ac.read_path, {"file": "line.csv"}),
         (ac.read_trajectory, {"file": "motion.csv"}),
         (ac.round_corners, {"path": x["objective"], "tolerance": 1e-3}),

@@ -39,7 +39,7 @@ GROUPS = {
         *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),
         "process.only",
     ),
-    "Part": ("path.frame", "path.repeat", "path"),
+    "Part": ("path.frame", "path.repeat", "path.edges", "path"),
     "Servo": ("servo", "cycle", "plant"),
     "Run": ("timing", "compensation", "duration", "end_time", "speed_factor"),
     "Cell": ("scene",),

@@ -37,6 +37,7 @@ _HOME = {
     "files.drawings.read_options": "ReadOptions",
     "files.drawings.path_reader": "read_path",
     "files.exports": "export",
+    "files.model.cad_model": "read_model",
     "files.log_file": "read_log",
     "files.robots.arm_loading": "arm_names load_arm",
     "files.robots.urdf_tree": "ArmOptions",

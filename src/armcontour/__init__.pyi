@@ -22,6 +22,7 @@ from armcontour.files.drawings.path_reader import read_path as read_path
 from armcontour.files.drawings.read_options import ReadOptions as ReadOptions
 from armcontour.files.exports import export as export
 from armcontour.files.log_file import read_log as read_log
+from armcontour.files.model.cad_model import read_model as read_model
 from armcontour.files.robots.arm_loading import arm_names as arm_names
 from armcontour.files.robots.arm_loading import load_arm as load_arm
 from armcontour.files.robots.urdf_tree import ArmOptions as ArmOptions

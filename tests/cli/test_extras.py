@@ -29,6 +29,7 @@ SCENE = "{obstacles: [{type: sphere, name: ball, radius: 10 mm, at: [1, 1, 0]}]}
 NEEDS = {
     "dynamics": ("coal", ["run cell.yaml --out out", "check a.csv --arm ur5e --scene ur5e"]),
     "experiment": ("mujoco", ["run bodies.yaml --out out"]),
+    "cad": ("OCP", ["show a.step", "run a.step --cell ur5e --out out"]),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "studio": ("uvicorn", ["studio --no-open"]),
 }
@@ -43,6 +44,7 @@ def folder(tmp_path):
     rows = (f"{t},0.1,-1.5,1.2,-1,-1.5,0\n" for t in (0.0, 0.1, 0.2))
     (tmp_path / "a.csv").write_text(f"t,q1,q2,q3,q4,q5,q6\n{''.join(rows)}")
     (tmp_path / "a.dxf").write_bytes(b"")
+    (tmp_path / "a.step").write_bytes(b"")
     return tmp_path
 
 
@@ -69,7 +71,7 @@ def test_a_missing_extra_is_named(command_in, folder, monkeypatch, extra):
 
 def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for library in ("coal", "pinocchio", "mujoco", "ezdxf"):
+    for library in ("coal", "pinocchio", "mujoco", "ezdxf", "OCP"):
         monkeypatch.setitem(sys.modules, library, None)
     done("demo", "--out", "out")
     paper, plate = (summary(tmp_path / "out" / name) for name in ("", "plate"))

@@ -57,7 +57,7 @@ def test_an_option_sets_a_key_that_a_job_has(option):
     assert (option.kind is int) == any(isinstance(x, AtLeast) for x in parts)
     assert option.least == next((x.least for x in parts if isinstance(x, AtLeast)), None)
     repeated = option.kind == list[str]
-    assert repeated == (Sequence in parts and option.name not in ("--position", "--rpy"))
+    assert repeated == (Sequence in parts and option.name not in ("--position", "--rpy", "--edges"))
     assert repeated == option.help.endswith("; may be repeated.")
     if any(isinstance(x, Quantity) and x.unit != "1" for x in parts) and example:
         assert option.read is to_quantity

@@ -2,12 +2,14 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
+from armcontour.core.frames import log
 
 ARM = ac.load_arm("ur5e")
 
@@ -147,3 +149,41 @@ def test_tool_stops_once_where_spline_orientation_meets_fixed_orientation():
     line = ac.Path.polyline([end, end + 0.05 * spline(spline.length, 1)])
     joined = spline + line.pointing(axes[[-1, -1]])
     assert len(joined.orientation.stops) == 1
+
+
+@pytest.mark.parametrize("axis_only", [True, False])
+@pytest.mark.parametrize("continuity", ["tangent", "curvature"])
+def test_a_corner_beside_a_spline_is_rounded_without_a_stop(axis_only, continuity):
+    waypoints = np.array([(0.4, 0, 0.2), (0.45, 0.03, 0.2), (0.5, 0.01, 0.22), (0.56, 0.02, 0.2)])
+    spline = ac.Path.spline(waypoints)
+    end = spline.end
+    line = ac.Path.line(tuple(end), tuple(end + [0.01, 0.08, 0.0]))
+    turns = Rotation.from_euler("xy", [(0, 0), (0.2, 0.1), (0.1, 0.3), (0.3, 0.2), (0.3, 0.2)])
+    down = Rotation.from_euler("x", np.pi)
+    joined = spline + line
+    path = replace(joined, waypoints=np.append(spline.waypoints, len(joined)))
+    path = path.oriented((turns * down).as_matrix(), axis_only=axis_only)
+    rounded = ac.round_corners(path, tolerance=2e-3, angular_tolerance=0.05, continuity=continuity)
+    assert len(rounded.corners) == 1 and not rounded.corners.stopped.any()
+    assert not len(rounded.stops)
+    # The corner has its orientation in the middle, and the spline keeps its own.
+    middle = (rounded.corners.start[0] + rounded.corners.end[0]) / 2
+    s = np.linspace(0, 0.8 * spline.length, 20)
+    for place, source in ((middle, spline.length), (s, s)):
+        made = rounded.orientation(place)
+        given = path.orientation(source)
+        columns = slice(2, 3) if axis_only else slice(None)
+        np.testing.assert_allclose(made[..., columns], given[..., columns], atol=1e-5)
+    # Rates are the derivatives of the rotations.
+    s = np.linspace(1e-3, rounded.length - 1e-3, 60)
+    h = 1e-6
+    turned = log(rounded.orientation(s + h) @ np.swapaxes(rounded.orientation(s - h), 1, 2)) / (
+        2 * h
+    )
+    rates = rounded.orientation.rates(s)[0]
+    if axis_only:
+        axis = rounded.orientation(s)[:, :, 2]
+        turned, rates = (
+            x - np.sum(x * axis, axis=1, keepdims=True) * axis for x in (turned, rates)
+        )
+    np.testing.assert_allclose(rates, turned, atol=1e-4 * np.abs(rates).max())

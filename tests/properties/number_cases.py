@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from soak.step_box import step_box
+
 from armcontour.files import json_schema
 
 Place = tuple[str | int, ...]
@@ -76,6 +78,7 @@ FILES = {
     "robot.urdf": ROBOT,
     "cell.urdf": GANTRY,
     "body.obj": MESH,
+    "box.step": step_box((40.0, 30.0, 20.0)).encode(),
 }
 
 SERVO = {"kp": 25.0, "kv": 150.0}
@@ -260,12 +263,27 @@ _BODY_TURNS: tuple[dict[str, Any], ...] = (
 )
 
 
+# Rules that select edges of the box, and tool axes along them.
+_RULES: tuple[dict[str, Any], ...] = (
+    {"near": [0.02, 0.0, 0.02]},
+    {"face": {"near": [0.02, 0.01, 0.02]}},
+    {"index": 1},
+)
+_FACES = {"work": 0.1, "travel": -0.1, "blend": 5e-3}
+
+
+def _modelled(edges: Any, **path: Any) -> dict[str, Any]:
+    """A job along edges of the box."""
+    return {**SPACE, "path": {"file": "box.step", "edges": edges, **path}}
+
+
 def _body(kind: str, **more: Any) -> list[dict[str, Any]]:
     """A body below everything."""
     return [{"type": kind, "name": "a", "at": [0.0, 0.0, -2.0], **_SIZES[kind], **more}]
 
 
 _MOVING = ("box", "capsule")
+_FACE_ANGLES = ("work", "travel", "blend")
 # The schema allows these keys, but their mapping is refused for any number.
 NEVER: set[Place] = {
     # The drawing has no colour.
@@ -273,6 +291,11 @@ NEVER: set[Place] = {
     ("path", "orientation", 0, "follow_tangent", "rpy", 0),
     ("path", "orientation", 0, "follow_tangent", "quaternion", 0),
     ("path", "orientation", 0, "follow_tangent", "up", 0),
+    # The box has no circle and no seam, and the orientation of a model is no list.
+    *(("path", "edges", key) for key in ("radius", "open")),
+    *(("path", "edges", 0, key) for key in ("radius", "open")),
+    *(("path", "orientation", 0, x, key) for x in ("bisector", "face") for key in _FACE_ANGLES),
+    ("path", "orientation", 0, "face", "up", 0),
     # Half-spaces cannot move.
     ("arm", "tool", "shapes", 0, "normal", 0),
 }
@@ -381,6 +404,19 @@ BASES: list[dict[str, Any]] = [
     ),
     _with(SPACE, arm={"tool": {"shapes": _body("halfspace", normal=[0.0, 0.0, 1.0])}}),
     _with(SPACE, arm={"shapes": _body("halfspace", link="base", normal=[0.0, 0.0, 1.0])}),
+    *(_modelled(x) for x in _RULES),
+    *(_modelled([x]) for x in _RULES),
+    _modelled({"kind": "circle", "radius": 5e-3}),
+    _modelled([{"kind": "circle", "radius": 5e-3}]),
+    _modelled({"seams": ["box", "post"], "open": 0.1}),
+    _modelled([{"seams": ["box", "post"], "open": 0.1}]),
+    *(
+        _modelled(_RULES[0], orientation=x)
+        for x in ({"bisector": _FACES}, {"face": {"up": [0.0, 0.0, 1.0], **_FACES}})
+    ),
+    *(_oriented([{x: {"up": [0.0, 0.0, 1.0], **_FACES}}]) for x in ("face",)),
+    _oriented([{"bisector": _FACES}]),
+    _with(_modelled(_RULES[0]), scene={"model": {"margin": 1e-3}}),
 ]  # fmt: skip
 _OWN = {"speed": 0.05, "tolerance": 1e-3, "order": 1}
 BASES.append(_with(PLANE, path={"contours": {"1": _OWN}}))

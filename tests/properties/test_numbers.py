@@ -28,6 +28,7 @@ WITHOUT_KEY = (
     "job: Run one: At its assigned velocities",
     "robot.urdf has no arguments",
     "part.svg",
+    "box.step",
     "job: scale must",
     "job: Segment 3 starts at (40000000.0",
     "job: chord tolerance must be at least 1e-30",

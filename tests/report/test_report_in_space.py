@@ -9,7 +9,7 @@ import yaml
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.report import render_report, sections
-from armcontour.report.plan_drawing import OBLIQUE
+from armcontour.report.sheet import OBLIQUE
 
 UR = yaml.safe_load("""
 name: corner

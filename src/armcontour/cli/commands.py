@@ -22,6 +22,7 @@ from armcontour.cli.job_options import (
     EXPORTED_POINTS,
     EXPORTS,
     FIRST_RUN,
+    MODEL,
     POSITION,
     SPEED,
 )
@@ -65,12 +66,12 @@ class JobOptions(CellOptions, SetOptions):
     """Job.
 
     Args:
-        job: Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints
-            (.csv), with --cell.
+        job: Job file (.yaml); or a drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), waypoints
+            (.csv), or CAD model (.step), with --cell.
     """
 
     job: Argument
-    keys: Annotated[Keys, SPEED, DRAWING, POSITION] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, DRAWING, MODEL, POSITION] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -147,8 +148,8 @@ class Run(JobOptions, Results):
     """
 
     out: RequiredOut = field()
-    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, POSITION, EXPORTS, EXPORTED_POINTS] = field(
-        default_factory=dict
+    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, MODEL, POSITION, EXPORTS, EXPORTED_POINTS] = (
+        field(default_factory=dict)
     )
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
     changes: Annotated[bool | None, typer.Option("--changes/--no-changes")] = None
@@ -181,14 +182,19 @@ class Studio(CellOptions):
 
 @command(PREPARE, "show gasket.dxf --layer CUT")
 class Show(Json):
-    """Show size and layers of a drawing; no arm is required.
+    """Show size and layers of a drawing, or parts and edges of a CAD model; no arm is required.
 
     Args:
-        drawing: Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), or waypoints (.csv).
+        drawing: Drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode), waypoints (.csv), or CAD model
+            (.step).
+        out: HTML file for a picture of a CAD model, with the tool axes along the selected edges.
+        force: Replace an earlier picture.
     """
 
     drawing: Argument
-    keys: Annotated[Keys, DRAWING] = field(default_factory=dict)
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: bool = False
+    keys: Annotated[Keys, DRAWING, MODEL] = field(default_factory=dict)
 
 
 @command(RUN, "batch job.yaml --over 'limits.speed=[0.1, 0.2]' --out results", "study_commands")
@@ -316,7 +322,9 @@ class Certify(JobOptions, Results, Json):
         run_name: Run of the job.
     """
 
-    keys: Annotated[Keys, SPEED, DRAWING, POSITION, CERTIFICATE] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, DRAWING, MODEL, POSITION, CERTIFICATE] = field(
+        default_factory=dict
+    )
     run_name: Name = None
 
 
@@ -419,7 +427,7 @@ class Play(JobOptions, ControllerOptions, Results, Json):
     """
 
     on: str = field()
-    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, POSITION] = field(default_factory=dict)
+    keys: Annotated[Keys, SPEED, FIRST_RUN, DRAWING, MODEL, POSITION] = field(default_factory=dict)
     run_name: Name = None
     band: Text = None
     set_points: Annotated[File, typer.Option("--set-points")] = None

@@ -32,6 +32,13 @@ def to_names(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
 
 
+def to_mapping(text: str) -> Any:
+    """Convert text to the value that it is in a job file."""
+    from armcontour.core.yaml_loader import load
+
+    return load(text, "the option")
+
+
 def to_skip(_: bool) -> str:
     """Convert a flag to "skip", the value of the job key for unknown elements."""
     return "skip"
@@ -198,6 +205,25 @@ DRAWING = Topic(
         ),
     ),
 )
+MODEL = Topic(
+    "Edges of a CAD model",
+    (
+        JobOption(
+            "--edges",
+            "path.edges",
+            "Edges that become contours: one rule, or a list of rules whose union is read, such as "
+            "'{seams: [post, plate], open: 200 mm}'.",
+            read=to_mapping,
+        ),
+        JobOption(
+            "--orientation",
+            "path.orientation",
+            "Tool orientation, such as '{bisector: {travel: -10 deg}}'; by default the bisector of "
+            "the faces at an edge.",
+            read=to_mapping,
+        ),
+    ),
+)
 POSITION = Topic(
     "Cell and position of the drawing",
     (
@@ -293,6 +319,6 @@ EXPORTED_POINTS = Topic(
         ),
     ),
 )
-TOPICS = (SPEED, FIRST_RUN, DRAWING, POSITION, CERTIFICATE, EXPORTS, EXPORTED_POINTS)
+TOPICS = (SPEED, FIRST_RUN, DRAWING, MODEL, POSITION, CERTIFICATE, EXPORTS, EXPORTED_POINTS)
 # All options by the names of their parameters.
 JOB_OPTIONS = {x.parameter: x for topic in TOPICS for x in topic.options}

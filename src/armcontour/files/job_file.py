@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -33,11 +33,12 @@ from armcontour.files.file_keys import Patch, read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_model import CellModel, JobModel, PathModel
 from armcontour.files.job_patch import apply_patch, write_patch
-from armcontour.files.job_path import part_of, path_of, read_drawing
+from armcontour.files.job_path import OF_FACES, is_model, part_of, parts_of, path_of, read_drawing
 from armcontour.files.job_process import add_process
 from armcontour.files.job_run import run_of
 from armcontour.files.job_text_edits import REMOVE, line_of, move_files
-from armcontour.files.scene_file import scene_of
+from armcontour.files.model.edge_rules import MODELS
+from armcontour.files.scene_file import SceneModel, scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -45,6 +46,7 @@ from armcontour.program import Program
 from armcontour.robot import Arm, PlanarTwoLink
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
+from armcontour.verification.clearance.body_pairs import can_measure
 
 # Keys of `path` that define the geometry of a job. A drawing replaces them.
 GEOMETRY_KEYS = ("points", "start", "segments")
@@ -149,8 +151,30 @@ def job_of(
     with error_context("", "path"):
         path = path_of(model.path, folder, arm.dimension, reading, drawing)
     with error_context("", "scene"):
-        scene = None if model.scene is None else scene_of(model.scene, folder, part)
+        scene = job_scene(model, folder, arm)
     return assemble_job(model, arm, path, scene)
+
+
+def job_scene(model: JobModel, folder: FilePath, arm: Arm) -> Scene | None:
+    """Return the scene of a job: its obstacles, and the parts of a CAD model.
+
+    Without the key `scene`, the parts are a scene if distances to the arm can be computed.
+
+    Args:
+        model: Keys of the job.
+        folder: Folder against which relative file names are resolved.
+        arm: Arm of the job.
+
+    Raises:
+        InvalidInput: An obstacle is wrong, or its file cannot be read.
+    """
+    keys = model.scene
+    if keys is None:
+        if not (is_model(model.path) and arm.knows_shapes and can_measure()):
+            return None
+        keys = SceneModel()
+    parts = parts_of(model.path, folder, keys.model)
+    return scene_of(keys, folder, part_of(model.path), parts)
 
 
 def _joint_positions(positions: list[float] | dict[str, float], arm: Arm, *keys: str) -> FloatArray:
@@ -332,7 +356,8 @@ def read_cell(
 ) -> Job:
     """Make a job from a cell or job file and a drawing.
 
-    The drawing replaces the geometry of a job file, but not its frame and its reader options.
+    The drawing replaces the geometry of a job file, but not its frame and its reader options. A CAD
+    model also replaces a tool orientation that does not follow the faces at its edges.
 
     Args:
         cell: As in `read_job`.
@@ -346,7 +371,7 @@ def read_cell(
     opened = _open_cell(str(cell))
     data = read_job_mapping(opened.text, opened.source)
     file = FilePath(drawing)
-    drawn = drawing_patch(file, str(file.absolute()))
+    drawn = drawing_patch(file, str(file.absolute()), data)
     with error_context(opened.source):
         model: CellModel = read_keys(CellModel, apply_patch(data, {**drawn, **(patch or {})}))
     # Messages of errors in the drawing name only the drawing, not the cell.
@@ -367,7 +392,10 @@ def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:
     with error_context(opened.source):
         part = part_of(path)
         arm = None if model is None else arm_of(model, opened.folder, part)
-        return arm, Scene() if scene is None else scene_of(scene, opened.folder, part)
+        if scene is None:
+            return arm, Scene()
+        parts = parts_of(path, opened.folder, scene.model)
+        return arm, scene_of(scene, opened.folder, part, parts)
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
@@ -385,18 +413,27 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
     text = move_files(opened.text, opened.folder, to)
-    return write_patch(text, drawing_patch(location, file), opened.source)
+    data = read_job_mapping(opened.text, opened.source)
+    return write_patch(text, drawing_patch(location, file, data), opened.source)
 
 
-def drawing_patch(drawing: FilePath, file: str) -> Patch:
+def drawing_patch(drawing: FilePath, file: str, job: Mapping[str, Any]) -> Patch:
     """Return the patch that sets path, name and title of a job for a drawing.
 
     Args:
         drawing: The drawing, whose name becomes name and title.
         file: Name of the drawing's file for the key `path.file`.
+        job: Keys of the job before the patch, which are not checked.
     """
+    removed = list(GEOMETRY_KEYS)
+    path = job.get("path")
+    orientation = path.get("orientation") if isinstance(path, dict) else None
+    follows_faces = isinstance(orientation, dict) and not orientation.keys().isdisjoint(OF_FACES)
+    if drawing.suffix.lower() in MODELS and not follows_faces:
+        # A fixed orientation of a cell is for flat drawings.
+        removed.append("orientation")
     return {
-        **{("path", key): REMOVE for key in GEOMETRY_KEYS},
+        **{("path", key): REMOVE for key in removed},
         ("path", "file"): file,
         # A file name may be too long for a job name, and may have unprintable characters.
         ("name",): shorten(make_printable(drawing.stem), LONGEST_NAME),

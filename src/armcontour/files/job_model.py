@@ -25,6 +25,7 @@ from armcontour.core.quantities import (
 from armcontour.core.text import show
 from armcontour.files.drawings.read_options import ReadOptions
 from armcontour.files.file_keys import Methods
+from armcontour.files.model.tool_axis import Bisector, FaceNormal
 from armcontour.files.robots.urdf_tree import ArmOptions
 from armcontour.files.scene_file import (
     BodyModel,
@@ -174,17 +175,22 @@ class FollowModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationModel(RotationModel):
-    """The required tool orientation: one of `rpy`, `quaternion`, `axis` and `follow_tangent`.
+    """The required tool orientation: one of the keys except `axis_only`.
 
     Args:
         axis: Direction of the tool axis; rotation about the tool axis is free.
         follow_tangent: A fixed orientation relative to the tangent.
+        bisector: For edges of a model, the axis points from the middle between both faces into the
+            edge; the default for models.
+        face: For edges of a model, the axis is perpendicular to one face at the edge.
         axis_only: Whether only the direction of the tool axis is required; rotation about the tool
             axis is free.
     """
 
     axis: Direction | None = None
     follow_tangent: FollowModel | None = None
+    bisector: Bisector | None = None
+    face: FaceNormal | None = None
     axis_only: bool = False
 
 
@@ -213,8 +219,8 @@ class PathModel(ReadOptions):
         points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
         start: Start point of the first segment [m].
         segments: A chain of lines and arcs.
-        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
-            the name is relative to the job file.
+        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), waypoints (.csv), or a
+            CAD model (.step, .stp); the name is relative to the job file.
         frame: Position and rotation of the origin of the file, or of points and segments.
         contours: Values for single contours, by their name, as in `names`, or their number in the
             drawing, from 1. They have priority over those of the layer, and those of `process`.

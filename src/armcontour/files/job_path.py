@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path as FilePath
+from typing import Literal
 
 import numpy as np
 
@@ -17,10 +18,13 @@ from armcontour.core.text import Keys, key_text, list_some
 from armcontour.files.drawings.read_options import MAX_COORDINATE, ReadOptions
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_model import OrientationModel, PathModel, RepeatModel, SegmentModel
-from armcontour.files.scene_file import rotation_of
+from armcontour.files.model.edge_rules import MODELS
+from armcontour.files.model.tool_axis import BISECTOR, Bisector
+from armcontour.files.scene_file import PartsModel, rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Move, Program, contour_called, set_limits
 from armcontour.program.moves import name_copy
+from armcontour.robot.scene import Obstacle
 
 # Keys of `path.contours` that are not values of the process.
 CONTOUR_LIMITS = ("speed", "tolerance", "order")
@@ -32,8 +36,14 @@ NOT_PLANAR = (
     "path.frame moves the drawing out of the plane in which the arm moves its tool. Specify a "
     "position with z = 0, and a rotation about z only, by the last angle of rpy."
 )
+ONE_ORIENTATION = (
+    "path.orientation must be a single mapping for a file, not a list, because all contours have "
+    "the same orientation."
+)
 # Keys of an orientation, of which exactly one must be specified.
-ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
+ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent", "bisector", "face")
+# Those that follow the faces at the edges of a model.
+OF_FACES = ("bisector", "face")
 
 
 def path_of(
@@ -179,8 +189,62 @@ def read_drawing(
 
     # With `repeat`, `names` can be names of copies, so `_repeat` selects them.
     options = model if model.repeat is None else dataclasses.replace(model, names=None)
+    if is_model(model):
+        options = dataclasses.replace(options, tool_axis=tool_axis_of(model))
+        if model.repeat is not None:
+            raise InvalidInput(
+                "path.repeat is not supported for CAD models. Repeat the part in the CAD program.",
+                key=("path", "repeat"),
+            )
     with error_context("", "path", "file"):
         return read_path(folder / file, options, progress=progress)
+
+
+def is_model(model: PathModel) -> bool:
+    """Return whether the path's file is a CAD model."""
+    return model.file is not None and FilePath(model.file).suffix.lower() in MODELS
+
+
+def tool_axis_of(model: PathModel) -> Bisector | None:
+    """Return the tool axis that follows the faces of a CAD model; None for other orientations.
+
+    Raises:
+        InvalidInput: The orientation is a list, or has not exactly one form.
+    """
+    orientation = model.orientation
+    if orientation is None:
+        return BISECTOR
+    if not isinstance(orientation, OrientationModel):
+        raise InvalidInput(ONE_ORIENTATION, key=("path", "orientation"))
+    _check_single_rotation(("path", "orientation"), orientation)
+    return orientation.bisector if orientation.face is None else orientation.face
+
+
+def parts_of(
+    model: PathModel, folder: FilePath, parts: PartsModel | Literal["none"] | None
+) -> tuple[Obstacle, ...]:
+    """Return the parts of the path's CAD model as obstacles in the frame of the part.
+
+    Args:
+        model: Keys of the path.
+        folder: Folder against which relative file names are resolved.
+        parts: The key `scene.model`.
+
+    Raises:
+        InvalidInput: The path's file is no CAD model, but `parts` has keys; or as in `read_model`.
+    """
+    if not is_model(model):
+        if isinstance(parts, PartsModel):
+            raise InvalidInput(
+                "scene.model requires a CAD model (.step, .stp) as path.file. Remove scene.model."
+            )
+        return ()
+    if parts == "none":
+        return ()
+    from armcontour.files.drawings.step import read_parts
+
+    keys = parts or PartsModel()
+    return read_parts(folder / str(model.file), model, margin=keys.margin, allow=keys.allow)
 
 
 def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Program:
@@ -194,11 +258,9 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
     if model.orientation is not None:
         orientation = model.orientation
         if not isinstance(orientation, OrientationModel):
-            raise InvalidInput(
-                "path.orientation must be a single mapping for a file, not a list, because all "
-                "contours have the same orientation.",
-                key=("path", "orientation"),
-            )
+            raise InvalidInput(ONE_ORIENTATION, key=("path", "orientation"))
+        if is_model(model) and tool_axis_of(model) is not None:
+            return program
         if any(x.path.orientation is not None for x in program.contours):
             note = f"path.orientation is ignored, because {program.source} has tool orientations."
             program = dataclasses.replace(program, notes=(*program.notes, note))
@@ -345,6 +407,12 @@ def _segment(start: list[float], segment: SegmentModel, keys: Keys) -> Line | Ar
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
     """Give a path one tool orientation for its whole length; `location` is for messages."""
     _check_single_rotation(("path", "orientation"), orientation)
+    for name in OF_FACES:
+        if getattr(orientation, name) is not None:
+            raise InvalidInput(
+                f"path.orientation.{name} requires a CAD model (.step, .stp) as path.file.",
+                key=("path", "orientation", name),
+            )
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
     rotation = rotation_of(key, orientation if follow is None else follow)
@@ -361,11 +429,12 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
         _check_single_rotation(("path", "orientation", i), orientation)
-        if orientation.follow_tangent is not None:
-            raise InvalidInput(
-                f"{key}: follow_tangent applies to the whole path. Write it as a single mapping, "
-                "not in a list."
-            )
+        for name in ("follow_tangent", *OF_FACES):
+            if getattr(orientation, name) is not None:
+                raise InvalidInput(
+                    f"{key}: {name} applies to the whole path. Write it as a single mapping, not "
+                    "in a list."
+                )
     if not models:
         raise InvalidInput(
             "path.orientation is an empty list, but must have one orientation per waypoint."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
@@ -60,19 +60,27 @@ Place = Annotated[list[Length], Items(3, 3)]
 Direction = Annotated[list[float], Items(3, 3)]
 
 
-def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
+def scene_of(
+    model: SceneModel, folder: FilePath, part: Frame, parts: Sequence[Obstacle] = ()
+) -> Scene:
     """Make the scene of a job; reads the files of meshes.
 
     Args:
         model: Keys of the scene.
         folder: Folder against which relative file names are resolved.
         part: Frame of the part, for obstacles that are fixed to it.
+        parts: Parts of a CAD model as obstacles, in this frame.
 
     Raises:
         InvalidInput: A body is wrong, or its file cannot be read.
     """
     obstacles = tuple(_obstacle(x, folder, part) for x in model.obstacles)
-    return Scene(obstacles=obstacles, margins=model.margins, floor=model.floor)
+    taken = {x.name for x in obstacles}
+    placed = [
+        replace(x, name=f"{x.name} (part)" if x.name in taken else x.name, place=part @ x.place)
+        for x in parts
+    ]
+    return Scene(obstacles=(*obstacles, *placed), margins=model.margins, floor=model.floor)
 
 
 def tool_shapes(models: Iterable[BodyModel], folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
@@ -286,11 +294,26 @@ class LinkShapeModel(BodyModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PartsModel:
+    """The parts of a CAD model as obstacles that move with the part.
+
+    Args:
+        margin: Minimum distance of links and tool [m]; by default the value in `margins`.
+        allow: Shapes of the tool, and links, that may touch the parts; `tool` is the whole tool.
+    """
+
+    margin: Distance | None = None
+    allow: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel:
     """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
         obstacles: Obstacles.
+        model: The parts of a CAD model that is the path's file, which are obstacles; "none" leaves
+            them out.
         margins: Minimum distances of bodies, by kind of pair.
         floor: Height of the floor, which is an obstacle, in the frame of the arm's base; "none" if
             there is no floor, for example on a pedestal or a wall. By default a link below the base
@@ -298,5 +321,6 @@ class SceneModel:
     """
 
     obstacles: list[ObstacleModel] = field(default_factory=list)
+    model: PartsModel | Literal["none"] | None = None
     margins: Margins = Margins()
     floor: Literal["base", "none"] | Length = AT_BASE

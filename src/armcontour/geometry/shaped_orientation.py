@@ -31,6 +31,7 @@ from armcontour.geometry.orientation import (
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounding.rounded_orientation import (
     SLIVER,
+    check_even,
     find_kinks,
     largest_half_lengths,
 )
@@ -97,6 +98,7 @@ def orient_shaped(
     if source is None:
         return path, 0.0
     objective = replace(objective, orientation=replace(source, follows=False))
+    check_even(objective)
     corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
     straight = np.setdiff1d(find_kinks(objective), corner)
     allowed = check_angular_tolerance(objective, angular_tolerance, straight)

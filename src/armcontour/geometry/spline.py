@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -12,6 +12,11 @@ from armcontour.core.quintics import rescale
 from armcontour.geometry.biarcs import UNEVEN, join_by_quintics, length, tangent_and_curvature
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+# Condition at both ends of an open spline, as in `fit_spline`.
+Ends: TypeAlias = Literal["natural", "not-a-knot"] | tuple[FloatArray, FloatArray]
 # Fractions of a piece at which its transition is compared with the spline; nodes and weights that
 # integrate arc length between two neighbouring fractions.
 SAMPLES = np.linspace(0, 1, 17)
@@ -29,7 +34,7 @@ def fit_spline(
     tolerance: float,  # Largest distance between the transitions and the spline [m]
     closed: bool,  # True if the spline is periodic
     *,
-    ends: Literal["natural", "not-a-knot"] = "natural",
+    ends: Ends = "natural",
 ) -> tuple[Segments, IntArray]:
     """Draw the cubic spline through points as transitions.
 
@@ -39,8 +44,23 @@ def fit_spline(
 
     Returns the transitions, and the index of the vertex at each point, (n,).
 
-    `ends` is the end condition of an open spline, as in SciPy's `CubicSpline`.
+    `ends` is the end condition of an open spline: as in SciPy's `CubicSpline`, or the unit tangents
+    at both ends, (dimension,) each.
     """
+    curve = interpolate(points, closed, ends=ends)
+    parameters = curve.x
+    powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
+    with np.errstate(all="ignore"):
+        cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)
+        start = _contact(cubics, 0.0)
+        last = _contact(cubics[:1], 0.0) if closed else _contact(cubics[-1:], 1.0)
+    end = [np.concatenate([x[1:], y]) for x, y in zip(start, last, strict=True)]
+    segments = join_by_quintics((cubics[:, 0], *start), (cubics[:, 1:].sum(axis=1), *end), lengths)
+    return segments, np.append(np.flatnonzero(begin % 1 == 0), len(segments))
+
+
+def interpolate(points: FloatArray, closed: bool, *, ends: Ends = "natural") -> CubicSpline:
+    """Return the cubic spline through points over chord length; see `fit_spline`."""
     from scipy.interpolate import CubicSpline
 
     if closed and np.linalg.norm(points[-1] - points[0]) > REPEATED_POINT:
@@ -55,15 +75,11 @@ def fit_spline(
             f"Points of a spline have coordinates up to {np.abs(points).max():g} m, so distances "
             "between neighbouring points are lost to rounding. Check the units of the points."
         )
-    curve = CubicSpline(parameters, points, bc_type="periodic" if closed else ends)
-    powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
-    with np.errstate(all="ignore"):
-        cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)
-        start = _contact(cubics, 0.0)
-        last = _contact(cubics[:1], 0.0) if closed else _contact(cubics[-1:], 1.0)
-    end = [np.concatenate([x[1:], y]) for x, y in zip(start, last, strict=True)]
-    segments = join_by_quintics((cubics[:, 0], *start), (cubics[:, 1:].sum(axis=1), *end), lengths)
-    return segments, np.append(np.flatnonzero(begin % 1 == 0), len(segments))
+    if closed:
+        return CubicSpline(parameters, points, bc_type="periodic")
+    if isinstance(ends, str):
+        return CubicSpline(parameters, points, bc_type=ends)
+    return CubicSpline(parameters, points, bc_type=((1, ends[0]), (1, ends[1])))
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from armcontour.geometry.orientation import (
     rotate,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
@@ -47,19 +51,96 @@ def turn_axes_smoothly(
     - `frame`: rotation matrix at the start, (3, 3).
     """
     s = segments.breaks[waypoints]
-    knots = []
-    tables: list[dict[str, FloatArray]] = []
-    for run in _splines_between_corners(smooth):
-        motion = _spline_of_axes(s[run], axes[run])
-        tables.append(_two_turns(motion))
-        knots.append(motion.s[:-1])
-    breaks = np.concatenate([*knots, s[-1:]])
+    runs = [AxisRun(s=s[run], axes=axes[run]) for run in _splines_between_corners(smooth)]
+    return turn_axes_along(runs, frame)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """An axis or a rotation that turns smoothly, at k knots.
+
+    Args:
+        s: Arc lengths of the knots [m], (k,).
+        poses: Unit vectors of the axis, (k, 3), or rotation matrices, (k, 3, 3).
+        rates: Angular rates [rad/m], (k, 3).
+        changes: Derivatives of the angular rates [rad/m²], (k, 3).
+    """
+
+    s: FloatArray
+    poses: FloatArray
+    rates: FloatArray
+    changes: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AxisRun:
+    """Directions of the tool axis along a part of a path on which it turns smoothly.
+
+    Args:
+        s: Arc lengths [m], increasing, (n,).
+        axes: Unit vectors of the tool axis there, (n, 3).
+        periodic: Whether the axis turns at the same rate at both ends, which have the same axis.
+    """
+
+    s: FloatArray
+    axes: FloatArray
+    periodic: bool = False
+
+
+def turn_axes_along(runs: Sequence[AxisRun], frame: FloatArray) -> Orientation:
+    """Make an orientation whose tool axis follows consecutive runs; rotation about it is free.
+
+    - `frame`: rotation matrix at the start, (3, 3), whose third column is the first axis.
+    """
+    motions = [_spline_of_axes(run) for run in runs]
+    return _join_two_turns(motions, frame)
+
+
+def orient_between_knots(motions: Sequence[Motion], *, axis_only: bool) -> Orientation:
+    """Make an orientation with given rotations, rates and changes at the knots of motions.
+
+    - `motions`: consecutive motions of rotation matrices.
+    - `axis_only`: true if rotation about the tool axis is free.
+    """
+    if axis_only:
+        return _join_two_turns([_motion_of_axis(x) for x in motions], motions[0].poses[0])
+    tables = [_three_turns(x) for x in motions]
+    breaks = np.concatenate([*(x.s[:-1] for x in motions), motions[-1].s[-1:]])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
+    return Orientation(breaks=breaks, **columns, axis_only=False, follows=False)
+
+
+def _motion_of_axis(motion: Motion) -> Motion:
+    """Return the motion of the tool axis of rotations.
+
+    The axis a, which turns at the rate w, has the derivatives a' = w × a and
+    a'' = w' × a + w × a'.
+    """
+    axis = motion.poses[:, :, 2]
+    slope = np.cross(motion.rates, axis)
+    bend = np.cross(motion.changes, axis) + np.cross(motion.rates, slope)
+    return _axis_motion(motion.s, axis, slope, bend)
+
+
+def _join_two_turns(motions: Sequence[Motion], frame: FloatArray) -> Orientation:
+    """Make an orientation whose tool axis has given directions, rates and changes at knots.
+
+    - `motions`: consecutive motions of unit vectors.
+    - `frame`: rotation matrix at the start, (3, 3).
+    """
+    tables = [_two_turns(x) for x in motions]
+    breaks = np.concatenate([*(x.s[:-1] for x in motions), motions[-1].s[-1:]])
+    columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
+    # The axis can jump between motions.
+    first_rows = np.cumsum([0, *(len(x.s) - 1 for x in motions[:-1])])
+    first_axes = {int(k): x.poses[0] for k, x in zip(first_rows, motions, strict=True)}
     lengths = np.diff(breaks)
     tilt, turn = (evaluate_polynomials(columns[x], lengths)[:, None] for x in "fg")
     steps = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
     starts = np.empty((len(lengths), 3, 3))
     for k in range(len(lengths)):
+        if k in first_axes:
+            frame = exp(shortest(frame[:, 2], first_axes[k])) @ frame
         starts[k] = frame
         frame = steps[k] @ frame
     return Orientation(
@@ -120,17 +201,7 @@ def _subdivide(s: FloatArray, angles: FloatArray) -> FloatArray:
     return np.concatenate([*inner, s[-1:]])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Motion:
-    """An axis or a rotation that turns smoothly, at k knots."""
-
-    s: FloatArray  # Arc lengths of the knots [m], (k,)
-    poses: FloatArray  # Unit vectors of the axis, (k, 3), or rotation matrices, (k, 3, 3)
-    rates: FloatArray  # Angular rates [rad/m], (k, 3)
-    changes: FloatArray  # Derivatives of the angular rates [rad/m²], (k, 3)
-
-
-def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
+def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> Motion:
     """Interpolate rotations by a spline, with knots between which the tool turns little.
 
     With a cubic spline p(s) through the unit quaternions at the points `s` and q = p / |p|, the
@@ -145,7 +216,7 @@ def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
     if len(s) == 2:
         rates = np.tile(turns / (s[1] - s[0]), (len(knots), 1))
         rotation = exp((knots - s[0])[:, None] * rates) @ matrices[0]
-        return _Motion(s=knots, poses=rotation, rates=rates, changes=np.zeros_like(rates))
+        return Motion(s=knots, poses=rotation, rates=rates, changes=np.zeros_like(rates))
     points = quaternions(matrices)
     # A quaternion and its negative are the same rotation. The shortest turn keeps the sign.
     flips = np.sum(points[1:] * points[:-1], axis=1) < 0
@@ -156,7 +227,7 @@ def _spline_of_rotations(s: FloatArray, matrices: FloatArray) -> _Motion:
     rate = 2 * _vector_of_product(first, value) / norm2
     change = (2 * _vector_of_product(second, value) - 2 * dot(first, value)[:, None] * rate) / norm2
     rotation = Rotation.from_quat(value).as_matrix()
-    return _Motion(s=knots, poses=rotation, rates=rate, changes=change)
+    return Motion(s=knots, poses=rotation, rates=rate, changes=change)
 
 
 def _vector_of_product(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -169,7 +240,7 @@ def _vector_of_product(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(b[:, 3:] * v - a[:, 3:] * w - np.cross(v, w))
 
 
-def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
+def _three_turns(motion: Motion) -> dict[str, FloatArray]:
     """Compute the rotations and polynomials of an `Orientation` between the knots of a motion.
 
     The third axis c is that of the whole turn, and the axes a and b of the first and second
@@ -202,15 +273,15 @@ def _three_turns(motion: _Motion) -> dict[str, FloatArray]:
     return {"starts": motion.poses[:-1], **axes_by_name, "f": f, "g": g, "h": h}
 
 
-def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
+def _spline_of_axes(run: AxisRun) -> Motion:
     """Interpolate unit vectors by a spline, with knots between which the axis turns little.
 
-    The knots are the points `s`, (k,), with the unit vectors `axes`, (k, 3), and points between
-    them, so that the axis turns by LARGEST_TURN_STEP at most. Between two points only, the axis
-    turns in their plane at a constant rate.
+    The knots are the points of the run, and points between them, so that the axis turns by
+    LARGEST_TURN_STEP at most. Between two points only, the axis turns in their plane at a constant
+    rate.
     """
-    from scipy.interpolate import CubicSpline
-
+    s = run.s
+    axes = run.axes
     knots = _subdivide(s, angle_between(axes[1:], axes[:-1]))
     if len(s) == 2:
         turn = shortest(axes[:1], axes[1:])
@@ -218,7 +289,7 @@ def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
         axis = np.squeeze(exp((knots - s[0])[:, None] * rate) @ axes[0][:, None], axis=-1)
         slope = np.cross(rate, axis)
         return _axis_motion(knots, axis, slope, np.cross(rate, slope))
-    curve = CubicSpline(s, axes)
+    curve = axis_spline(run)
     value, first, second = (curve(knots, order) for order in range(3))
     size = np.linalg.norm(value, axis=1, keepdims=True)
     axis = value / size
@@ -230,18 +301,28 @@ def _spline_of_axes(s: FloatArray, axes: FloatArray) -> _Motion:
     return _axis_motion(knots, axis, slope, bend)
 
 
+def axis_spline(run: AxisRun) -> CubicSpline:
+    """Return the cubic spline through the unit vectors of a run of at least three points."""
+    from scipy.interpolate import CubicSpline
+
+    if not run.periodic:
+        return CubicSpline(run.s, run.axes)
+    axes = np.concatenate([run.axes[:-1], run.axes[:1]])
+    return CubicSpline(run.s, axes, bc_type="periodic")
+
+
 def _axis_motion(
     knots: FloatArray, axis: FloatArray, slope: FloatArray, bend: FloatArray
-) -> _Motion:
+) -> Motion:
     """Return the motion of a unit vector.
 
     - `knots`: arc lengths [m], (k,).
     - `axis`, `slope`, `bend`: the vector and its first and second derivative there, (k, 3) each.
     """
-    return _Motion(s=knots, poses=axis, rates=np.cross(axis, slope), changes=np.cross(axis, bend))
+    return Motion(s=knots, poses=axis, rates=np.cross(axis, slope), changes=np.cross(axis, bend))
 
 
-def _two_turns(motion: _Motion) -> dict[str, FloatArray]:
+def _two_turns(motion: Motion) -> dict[str, FloatArray]:
     """Compute `first`, `second`, `f` and `g` of an `Orientation` between the knots of an axis.
 
     The second rotation turns from the first direction to the last, and the first rotation tilts

@@ -76,7 +76,7 @@ class Uploads:
             source = f"{there.stem}.yaml"
             text = write_patch(drawing_text(cell, there, folder), options, source)
             return Document(text, source=source, folder=folder)
-        patch = {**drawing_patch(FilePath(name), file), **options}
+        patch = {**drawing_patch(FilePath(name), file, {}), **options}
         return [Change(key_of(keys), value) for keys, value in patch.items()]
 
     def keep_log(self, name: str, content: bytes) -> str:

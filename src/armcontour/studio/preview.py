@@ -19,10 +19,9 @@ from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress, subprogress
 from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
-from armcontour.files.job_file import assemble_job
+from armcontour.files.job_file import assemble_job, job_scene
 from armcontour.files.job_model import ArmModel, JobModel, PathModel
-from armcontour.files.job_path import part_of, placed_path, read_drawing, unplaced_path
-from armcontour.files.scene_file import scene_of
+from armcontour.files.job_path import is_model, part_of, placed_path, read_drawing, unplaced_path
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
@@ -42,7 +41,6 @@ from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene import Scene
 from armcontour.studio.plan_frames import Preview, Tier
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile
@@ -268,14 +266,9 @@ class CoarsePlanner:
         """Make the job with one run from job data; unchanged parts come from the cache."""
         model = _with_one_run(self._model(data), run)
         arm, path = self._read_arm_and_path(model, data)
-        scene: Scene | None = None
-        if model.scene is not None:
-            scene_model = model.scene
-            part = part_of(model.path)
-            made_of = data["scene"], _part(data)
-            scene = self._cache.get(
-                "scene", made_of, lambda: scene_of(scene_model, self.folder, part)
-            )
+        parts = _unplaced(data) if is_model(model.path) else None
+        made_of = data.get("scene"), _part(data), parts, arm.knows_shapes
+        scene = self._cache.get("scene", made_of, lambda: job_scene(model, self.folder, arm))
         return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:

@@ -17,6 +17,7 @@ from armcontour.core.checks import raise_if
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import count_noun, list_some
+from armcontour.files.colors import hex_of
 from armcontour.files.drawings.arc_chain import WITHOUT_Z, Affine
 from armcontour.files.drawings.drawing_traversal import (
     TRAVERSAL_SHARE,
@@ -35,7 +36,7 @@ from armcontour.files.drawings.dxf_entities import (
     insert_transforms,
 )
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, hex_of, valid_name
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, valid_name
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 

@@ -17,6 +17,7 @@ from armcontour.core.file_access import read_bytes
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.read_options import MAX_COORDINATE, MAX_FILE_SIZE, ReadOptions
+from armcontour.files.model.edge_rules import MODELS
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Program
 
@@ -29,6 +30,7 @@ FORMAT_OPTIONS = {
         "columns (--waypoint-columns) is supported for waypoints in CSV only",
     ),
     "colors": (("dxf", "svg"), "colors is supported for DXF and SVG drawings only"),
+    "edges": (("step",), "edges is supported for CAD models (STEP) only"),
 }
 # Largest coordinate for which a specified unit is plausible [m]; surveys have large coordinates.
 LARGEST_PART = 1000.0
@@ -42,6 +44,7 @@ READERS = {
     ".svg": ("svg", "read_svg"),
     **dict.fromkeys((".ngc", ".nc", ".gcode", ".tap", ".cnc"), ("gcode", "read_gcode")),
     ".csv": ("waypoint_table", "read_waypoints"),
+    **dict.fromkeys(MODELS, ("step", "read_step")),
 }
 
 
@@ -53,10 +56,10 @@ def read_path(
     frame: Frame | None = None,
     progress: Progress | None = None,
 ) -> Program:
-    """Read the program in a drawing (DXF, SVG), in G-code, or in a table of waypoints.
+    """Read the program in a drawing (DXF, SVG), G-code, a table of waypoints or a CAD model (STEP).
 
-    Lines and arcs are not changed; other curves become tangent arcs. If the program has one
-    contour, `program.path` is its path.
+    Lines and arcs are not changed; other curves become tangent arcs, or splines for a model. If the
+    program has one contour, `program.path` is its path.
 
     >>> program = ac.read_path("part.csv", frame=ac.Frame((0.0, 0.1, 0.0)))
     >>> len(program.contours)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
@@ -17,8 +16,12 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.file_access import MAX_HAND_WRITTEN
 from armcontour.core.frames import angle_between
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import Choice, Distance, Factor, Tolerance, parse_quantity
+from armcontour.core.quantities import NO_KEY, Choice, Distance, Factor, Tolerance
 from armcontour.core.text import digits, make_printable, shorten
+from armcontour.files.colors import color_of
+from armcontour.files.length_units import unit_length
+from armcontour.files.model.edge_rules import EdgeRule
+from armcontour.files.model.tool_axis import BISECTOR, Bisector
 from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
 from armcontour.geometry.segments import TANGENT_TOLERANCE
@@ -29,31 +32,6 @@ from armcontour.program.moves import Move, put_on_path
 MAX_FILE_SIZE = MAX_HAND_WRITTEN
 # Advice in messages to set `unknown` to "skip".
 SKIP_ADVICE = "skip it (unknown: skip, or --skip-unknown)"
-# CSS colour names that drawings for lasers and plotters use; other names are used as written.
-CSS_COLORS = {
-    "black": "#000000",
-    "white": "#ffffff",
-    "red": "#ff0000",
-    "lime": "#00ff00",
-    "green": "#008000",
-    "blue": "#0000ff",
-    "yellow": "#ffff00",
-    "cyan": "#00ffff",
-    "aqua": "#00ffff",
-    "magenta": "#ff00ff",
-    "fuchsia": "#ff00ff",
-    "orange": "#ffa500",
-    "purple": "#800080",
-    "gray": "#808080",
-    "grey": "#808080",
-    "silver": "#c0c0c0",
-    "navy": "#000080",
-    "maroon": "#800000",
-}
-_SHORT = re.compile(r"#([0-9a-f])([0-9a-f])([0-9a-f])")
-_RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
-
-
 ReportFraction = Callable[[float], None]
 # Largest coordinate [m]. Above this value, doubles do not resolve the smallest distance between
 # two points; a drawing with such coordinates has a wrong unit.
@@ -82,22 +60,6 @@ def fraction_reporter(progress: Progress | None, source: str) -> ReportFraction:
 def valid_name(name: str) -> str:
     """Make a name in a drawing printable, and shorten it to the length of a valid name."""
     return shorten(make_printable(name), LONGEST_NAME)
-
-
-def color_of(text: str) -> str:
-    """Convert a colour (name, #rgb, #rrggbb, rgb(r, g, b)) to `#rrggbb`; else to lower case."""
-    plain = text.strip().lower()
-    if short := _SHORT.fullmatch(plain):
-        return "#" + "".join(2 * x for x in short.groups())
-    if parts := _RGB.fullmatch(plain):
-        factor = 2.55 if parts[2] else 1.0
-        return hex_of(*(min(round(float(parts[k]) * factor), 255) for k in (1, 3, 4)))
-    return CSS_COLORS.get(plain, plain)
-
-
-def hex_of(red: int, green: int, blue: int) -> str:
-    """Return the colour `#rrggbb` with components from 0 to 255."""
-    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 @declared()
@@ -129,6 +91,10 @@ class ReadOptions(Checked):
             changes no vertex.
         columns: For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-". They replace
             the first line of the file or a missing heading; "-" skips a column.
+        edges: For CAD models (STEP), the edges that become contours: one rule, or a list of rules
+            whose union is read. Without rules all edges are read, at most 20 contours.
+        tool_axis: For CAD models, the direction of the tool along edges; by default the `Bisector`
+            of the faces. None reads contours without tool orientation.
         unknown: Whether to "refuse" unknown elements of drawings and unknown columns of tables, or
             "skip" them with a note.
 
@@ -146,6 +112,8 @@ class ReadOptions(Checked):
     join_tolerance: Tolerance = 1e-5
     repair_vertices: Distance = 2e-6
     columns: str | None = None
+    edges: Sequence[EdgeRule] | EdgeRule | None = None
+    tool_axis: Annotated[Bisector | None, NO_KEY] = BISECTOR
     unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 
     def _check_together(self) -> None:
@@ -155,14 +123,14 @@ class ReadOptions(Checked):
     @property
     def unit(self) -> float | None:
         """Length of the specified unit [m]; None if the unit of the file is used."""
-        if isinstance(self.units, str):
-            try:
-                return parse_quantity(f"1 {self.units}", "m")
-            except ValueError:
-                raise InvalidInput(
-                    f"units must be a unit of length such as mm, but is {self.units!r}."
-                ) from None
-        return None if self.units is None else checks.positive("units", self.units, "m")
+        return unit_length(self.units)
+
+    @property
+    def rules(self) -> tuple[EdgeRule, ...]:
+        """The rules that select edges of models."""
+        if self.edges is None:
+            return ()
+        return (self.edges,) if isinstance(self.edges, EdgeRule) else tuple(self.edges)
 
     @property
     def skips(self) -> bool:

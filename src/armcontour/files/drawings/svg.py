@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.progress import Progress
+from armcontour.files.colors import color_of
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.drawing_traversal import (
     NO_SIZE,
@@ -20,7 +21,7 @@ from armcontour.files.drawings.drawing_traversal import (
     place_outline,
 )
 from armcontour.files.drawings.outlines import Outline
-from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, color_of, valid_name
+from armcontour.files.drawings.read_options import SKIP_ADVICE, ReadOptions, valid_name
 from armcontour.files.drawings.svg_elements import (
     IDENTITY,
     INCH,

@@ -17,7 +17,7 @@ from armcontour.geometry.biarcs import dot, length
 from armcontour.geometry.orientation import SAME_ORIENTATION, copy_pieces
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
-from armcontour.geometry.rounding.rounded_orientation import SLIVER
+from armcontour.geometry.rounding.rounded_orientation import SLIVER, turns_evenly
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 # A vertex with a larger turn [rad] is a corner, whose turn may increase. Rounding errors of short
@@ -162,7 +162,10 @@ def _find_changes(path: Path, *, carried: bool) -> BoolArray:
     for column in (segments.speeds, segments.tolerances):
         changes |= np.diff(np.nan_to_num(column, nan=-1.0)) != 0
     orientation = path.orientation
-    if orientation is not None and not carried:
+    if orientation is not None and not turns_evenly(path):
+        # An orientation with pieces of its own fits the given segments only.
+        changes[:] = True
+    elif orientation is not None and not carried:
         changes |= (orientation.kinks > 0) | (orientation.jumps > SAME_ORIENTATION)
     return np.asarray(changes)
 

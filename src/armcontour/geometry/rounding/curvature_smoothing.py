@@ -26,6 +26,7 @@ from armcontour.geometry.rounding.line_corners import fit_lengths, replace_verti
 from armcontour.geometry.rounding.rounded_orientation import (
     find_kinks,
     follow_rounded,
+    jumps_at,
     round_orientation,
 )
 from armcontour.geometry.rounding.rounded_path import RoundedPath
@@ -105,7 +106,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     mask = (jump > SAME_BEND * size + BEND_FLOOR) & ~sharp
     if orientation is not None and not (orientation.fixed or orientation.follows):
         mask[find_kinks(path)] = False
-        mask &= orientation.jumps <= SAME_ORIENTATION
+        mask &= jumps_at(path, np.arange(len(mask))) <= SAME_ORIENTATION
     vertex = np.flatnonzero(mask)
     limits = np.minimum(tolerance, path.vertex_tolerances[vertex])
     largest_curvature = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])

@@ -26,7 +26,8 @@ from armcontour.geometry.orientation import (
     turns_between,
 )
 from armcontour.geometry.path import Path
-from armcontour.geometry.segments import Segments
+from armcontour.geometry.rounding.warped_orientation import warp_orientation
+from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 # If a blend of length l replaces the length t on either side, the polynomial f of `Orientation` is
 # `l MIDDLE - t / 2` in its middle if f is a cubic.
@@ -43,18 +44,57 @@ NO_VERTICES = np.empty(0, dtype=np.intp)
 def find_kinks(path: Path) -> IntArray:
     """Find the vertices at which the path's angular rate jumps; returns indices, (k,).
 
-    The result is empty if the orientation follows the tangent or is None.
+    The result is empty if the orientation follows the tangent, turns smoothly over pieces of its
+    own, or is None.
     """
     orientation = path.orientation
-    if orientation is None or orientation.follows:
+    if orientation is None or orientation.follows or not turns_evenly(path):
         return NO_VERTICES
-    fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
-    if not fits or orientation.second.any() or orientation.third.any():
-        raise InvalidInput(
-            "The corners of this path, or its orientation, are already rounded. Round the "
-            "objective path instead."
-        )
     return NO_VERTICES if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
+
+
+def turns_evenly(path: Path) -> bool:
+    """Return whether the tool turns at a constant rate along each segment of a path."""
+    orientation = path.orientation
+    if orientation is None:
+        return True
+    fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
+    return fits and not (orientation.second.any() or orientation.third.any())
+
+
+def turns_smoothly(path: Path) -> bool:
+    """Return whether the tool turns over pieces of its own; its rate may jump only at corners."""
+    orientation = path.orientation
+    if orientation is None or orientation.follows or turns_evenly(path):
+        return False
+    corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
+    return all(np.abs(corners - s).min(initial=np.inf) <= SLIVER for s in orientation.stops)
+
+
+def check_even(path: Path) -> None:
+    """Raise InvalidInput unless the tool turns at a constant rate along each segment."""
+    orientation = path.orientation
+    if orientation is None or orientation.follows or turns_evenly(path):
+        return
+    raise InvalidInput(
+        "The corners of this path, or its orientation, are already rounded. Round the objective "
+        "path instead."
+    )
+
+
+def jumps_at(path: Path, vertex: IntArray) -> FloatArray:
+    """Return the angles by which a path's orientation jumps at vertices [rad], (n,).
+
+    - `vertex`: index of the segment before each vertex, (n,).
+    """
+    orientation = path.orientation
+    assert orientation is not None
+    if turns_evenly(path):
+        return np.asarray(orientation.jumps[vertex])
+    s = path.breaks[vertex + 1]
+    before = orientation(s, side="left")
+    after = orientation(s)
+    return turns_between(before, after, axis_only=orientation.axis_only)
 
 
 def middle_fraction(smooth: bool) -> float:
@@ -81,7 +121,8 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     vertex, a and b are the angular rates before and after it. With tangent length t and length l of
     the curve, `k = t / 2 - l / 8`, or, for a continuous derivative of the rate, `k = t / 2 - 5 l /
     32`. The largest k is infinite if the rate does not jump or the orientation follows the tangent,
-    and 0 where the orientation jumps, because the tool stops there.
+    and 0 where the orientation jumps, because the tool stops there. It is also infinite for an
+    orientation that turns smoothly over pieces of its own, which is unchanged at the middle.
 
     - `vertex`: indices of the vertices, (n,).
     - `allowed`: largest angle between the orientation and its value at the vertex [rad].
@@ -89,8 +130,10 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
-    blends = _largest_blend(orientation, vertex, allowed)
-    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, blends)
+    blends = np.full(len(vertex), np.inf)
+    if turns_evenly(path):
+        blends = _largest_blend(orientation, vertex, allowed)
+    return np.where(jumps_at(path, vertex) > SAME_ORIENTATION, 0.0, blends)
 
 
 def round_orientation(
@@ -110,6 +153,10 @@ def round_orientation(
     """
     orientation = objective.orientation
     assert orientation is not None
+    if not turns_evenly(objective):
+        corners = objective.breaks[vertex + 1]
+        warped = warp_orientation(orientation, corners, tangent, length)
+        return warped, np.zeros(len(vertex))
     lengths = objective.lengths
     n = len(objective)
     if not orientation.first.any() and not (orientation.jumps > SAME_ORIENTATION).any():

@@ -41,8 +41,10 @@ from armcontour.geometry.rounding.line_corners import (
 )
 from armcontour.geometry.rounding.rounded_orientation import (
     NO_VERTICES,
+    check_even,
     find_kinks,
     follow_rounded,
+    jumps_at,
     largest_blend,
     middle_of_half_length,
     round_orientation,
@@ -230,6 +232,8 @@ def round_path(
     sharp = turn > TANGENT_TOLERANCE
     if not (isinstance(path, RoundedPath) or sharp.any()) and _turns_smoothly(path):
         return _without_corners(path)
+    if isinstance(path, RoundedPath):
+        check_even(path)
     kinked = find_kinks(path)
     kinked = kinked[~sharp[kinked]]
     angle = check_angular_tolerance(path, angular_tolerance, kinked)
@@ -509,7 +513,7 @@ def _find_reasons(
     reasons[obstacles.no_tolerance] = NO_TOLERANCE
     reasons[obstacles.out_of_plane] = OUT_OF_PLANE
     if orientation is not None and not orientation.follows:
-        reasons[orientation.jumps[corner] > SAME_ORIENTATION] = ORIENTATION
+        reasons[jumps_at(path, corner) > SAME_ORIENTATION] = ORIENTATION
     reasons[obstacles.turns_back] = TURN_BACK
     reasons[rounded] = None
     return reasons

@@ -13,8 +13,9 @@ from armcontour.jobs import JobResult, RunResult
 from armcontour.motion import Execution
 from armcontour.program import contour_called
 from armcontour.report.figure import render
-from armcontour.report.plan_drawing import Drawing, Mark, Sheet, SymbolEntry, slug, view_of
+from armcontour.report.plan_drawing import Drawing, SymbolEntry, slug
 from armcontour.report.section import Section
+from armcontour.report.sheet import Mark, Sheet, view_of
 from armcontour.report.view import drawn_arc_lengths, simplify
 from armcontour.verification import ErrorProfile, Evaluation
 

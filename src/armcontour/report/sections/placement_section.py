@@ -9,8 +9,9 @@ import numpy as np
 
 from armcontour.core.render import digits_and_unit, number, scale
 from armcontour.report.figure import render
-from armcontour.report.plan_drawing import WIDTH, Drawing, SymbolEntry
+from armcontour.report.plan_drawing import Drawing, SymbolEntry
 from armcontour.report.section import Front, tiles
+from armcontour.report.sheet import WIDTH
 
 if TYPE_CHECKING:
     from armcontour.studies.placement import Place, Placement
