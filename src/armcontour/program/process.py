@@ -47,11 +47,7 @@ LEAD_LENGTH = Key(
 )
 BEGIN = Key(hint=Literal["auto", "drawn"] | Distance | Annotated[list[Length], Items(2, 3)])
 # In a file, contours may also have numbers.
-ONLY = Key(
-    hint=Annotated[
-        list[int | NeededName], Convert(lambda x: tuple(map(str, x)))
-    ]
-)
+ONLY = Key(hint=Annotated[list[int | NeededName], Convert(lambda x: tuple(map(str, x)))])
 # Usual values of what a message says is missing.
 SWITCH: dict[Keys, Any] = {("switch", "name"): "torch"}
 TABS: tuple[dict[Keys, Any], ...] = ({("count",): 3}, {("spacing",): "50 mm"})
