@@ -190,3 +190,21 @@ def test_a_motion_without_contours_has_no_pause():
     job = parse_job(resuming.PLANAR)
     result = played(job, Operator((0.0, 99.0)))
     assert not pauses(result.record) and result.kept
+
+
+def test_rests_at_a_pause_and_at_the_end_do_not_count_as_late_set_points():
+    rows = play(squares(), robot()).motion.rows
+    chunk = rows.first(1.0)
+    while not chunk.pauses:
+        chunk = rows.next(chunk, chunk.brake - 50, 1.0, pause_after=True)
+    # The motion goes on long after the pause has begun.
+    chunk = rows.next(chunk, chunk.brake + 500, 1.0)
+    assert not chunk.braked
+    while not chunk.pace.is_complete:
+        chunk = rows.next(chunk, chunk.brake - 50, 1.0)
+        assert not chunk.braked
+    # Set-points look ahead beyond the end of the plan.
+    assert not rows.next(chunk, chunk.brake - 1, 1.0).braked
+    # A chunk that comes during the stop of the one before counts.
+    first = rows.first(1.0)
+    assert rows.next(first, first.brake + 5, 1.0).braked

@@ -52,7 +52,7 @@ def distances(path: ac.Path, points: np.ndarray) -> np.ndarray:
 WOVEN = resuming.PLANAR.replace("corners: {tolerance: 0.5 mm}\n", "") + (
     "process: {weave: {width: 2 mm, pitch: 4 mm}}\n"
 )
-LAYERED = resuming.PLANAR + (
+LEADS = resuming.PLANAR + (
     "process: {begin: drawn, lead_in: {shape: line, length: 8 mm}, switch: {name: laser}}\n"
 )
 
@@ -64,7 +64,8 @@ LAYERED = resuming.PLANAR + (
         *((resuming.SPATIAL, t) for t in (0.2, 0.55)),
         (resuming.LED, 1.0),
         (resuming.RAIL, 9.0),
-        (LAYERED, 0.7),
+        (LEADS, 0.7),
+        (WOVEN, 1.0),
     ],
 )
 def test_the_rest_joins_the_finished_part_and_the_robot_moves_back_along_it(text, t):
@@ -89,6 +90,21 @@ def test_the_rest_joins_the_finished_part_and_the_robot_moves_back_along_it(text
     q = played.plan.trajectory.sample(CYCLE).q
     i = int(np.linalg.norm(job.arm.tool_position(q) - tool, axis=1).argmin())
     np.testing.assert_allclose(q[i], before.record.measured[-1], atol=0.02)
+
+
+def test_a_drawing_is_continued_on_the_contour_of_the_stop():
+    job, _ = resuming.whole_plan("drawing")
+    job = replace(job, runs=job.runs[:1])
+    before = stopped(job, 1.0)
+    assert "CUT-1" in before.stopped_at.words
+    played, arm = continued(with_rejoin(job, REJOIN), before)
+    assert played.kept
+    drawn = played.plan.objective.contours[0]
+    assert drawn.name == "CUT-1"
+    tool = job.arm.tool_position(before.record.measured[-1])
+    assert 0 <= float(drawn.path.project(tool[None]).s[0]) - REJOIN < REPEATED
+    way = job.arm.tool_position(arm.motions[0].q)
+    assert distances(played.plan.path.contours[0].path, way).max() < ON_PATH
 
 
 def test_without_an_overlap_the_rest_begins_at_the_stop():

@@ -358,6 +358,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, process={**_CUT, "by_layer": {"": _CUT}}, path=_CLOSED),
     _with(PLANE, process={"wait": _WAIT, "by_layer": {"": {"wait": _WAIT}}}),
     _with(PLANE, process={"wait": [_WAIT], "by_layer": {"": {"wait": [_WAIT]}}}),
+    _with(PLANE, process={"only": [1]}),
     _with(PLANE, process={**_TIMED, "by_layer": {"": _TIMED}}),
     _with(PLANE, process={**_WOVEN, "by_layer": {"": _WOVEN}}),
     _with(PLANE, process={**_SPACED, "by_layer": {"": _SPACED}}, path=_CLOSED),

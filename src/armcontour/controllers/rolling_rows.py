@@ -301,8 +301,10 @@ class RollingRows:
             pace = pace.pausing_at(pause_at)
             window = self._window(pace, t)
             if self._keeps(window, before, k):
-                braked = before.rate.any() and t > before.pace.brake_time and not before.pauses
-                chunk = self._chunk(pace, window, k, weight, ends=ends, braked=bool(braked))
+                # The rest at a pause, or at the end of the plan, is not a stop that came too early.
+                is_due = before.rate.any() and not before.pauses and not before.pace.is_complete
+                braked = bool(is_due and t > before.pace.brake_time)
+                chunk = self._chunk(pace, window, k, weight, ends=ends, braked=braked)
                 return replace(chunk, pause_at=pause_at)
             foresight *= 2
         raise NotRealizable(
