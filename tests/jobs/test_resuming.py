@@ -115,15 +115,17 @@ def test_overlap_of_a_job_file_and_of_the_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = resuming.PLANAR + "process: {resume_at: 80 mm, rejoin: 5 mm}\n"
     (rest,) = ac.run(parse_job(text), simulate=False).runs.values()
-    # Closed contours of a process start in the middle of a side: here, the corner is at 30 mm.
-    np.testing.assert_allclose(rest.objective.contours[0].path(0.0), [0.36, 0.205], atol=1e-9)
+    # The whole job, without these keys, starts at the drawn corner, and is there after 75 mm.
+    (whole,) = resuming.plan_of(parse_job(resuming.PLANAR)).objective.contours
+    np.testing.assert_allclose(whole.path(0.075), [0.36, 0.175], atol=1e-9)
+    np.testing.assert_allclose(rest.objective.contours[0].path(0.0), [0.36, 0.175], atol=1e-9)
     (tmp_path / "job.yaml").write_text(resuming.PLANAR, encoding="utf-8")
     words = ["run", "job.yaml", "--out", "rest", "--resume-at", "80 mm", "--rejoin", "5 mm"]
     code, printed, _ = run_command(words)
     assert code == 0 and "5 mm before 80 mm" in " ".join(printed.split())
     planned = np.loadtxt(tmp_path / "rest/only/planned.csv", delimiter=",", skiprows=1)
     start = ac.load_arm("pmk3s").tool_position(planned[0, 1:3])
-    np.testing.assert_allclose(start, [0.36, 0.205], atol=1e-6)
+    np.testing.assert_allclose(start, [0.36, 0.175], atol=1e-6)
 
 
 def test_the_command_line_keeps_the_configuration_and_says_so(tmp_path, monkeypatch):
@@ -139,7 +141,7 @@ def test_the_command_line_keeps_the_configuration_and_says_so(tmp_path, monkeypa
     )
     arm = ac.load_arm("pmk3s")
     start = arm.tool_position(rest[0, 1:3])
-    np.testing.assert_allclose(start, [0.36, 0.21], atol=1e-6)
+    np.testing.assert_allclose(start, [0.36, 0.18], atol=1e-6)
     near = np.linalg.norm(arm.tool_position(whole[:, 1:3]) - start, axis=1).argmin()
     # Rows of the table are 0.1 mm apart.
     np.testing.assert_allclose(rest[0, 1:3], whole[near, 1:3], atol=2e-3)
