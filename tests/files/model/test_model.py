@@ -1,6 +1,7 @@
 """CAD models that OCCT writes, against closed forms: parts, edges, contours, refusals."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -278,6 +279,20 @@ def test_wrong_files_are_refused_in_one_sentence(tmp_path, steps):
         ac.read_model(tmp_path / "missing.step")
     with pytest.raises(FileError, match="dxf"):
         ac.read_model(tmp_path / "part.dxf")
+
+
+def test_an_assembly_with_a_part_in_another_file_is_refused(tmp_path):
+    parts = (Named("a", box((0, 0, 0), (10, 10, 10))), Named("b", box((20, 0, 0), (30, 10, 10))))
+    text = write(tmp_path / "both.step", *parts).read_text(encoding="latin-1")
+    assert len(ac.read_model(tmp_path / "both.step").parts) == 2
+    shape = r"ADVANCED_BREP_SHAPE_REPRESENTATION\('([^']*)',\((#\d+),\s*#\d+\),(#\d+)\)"
+    text, count = re.subn(shape, r"SHAPE_REPRESENTATION('\1',(\2),\3)", text, count=1)
+    assert count == 1
+    reference = "#90001=DOCUMENT_TYPE('');\n#90002=DOCUMENT_FILE('a.stp','','',#90001,'',$);\n"
+    head, end, tail = text.rpartition("ENDSEC;")
+    (tmp_path / "one.step").write_text(head + reference + end + tail, encoding="latin-1")
+    with pytest.raises(FileError, match="other files"):
+        ac.read_model(tmp_path / "one.step")
 
 
 def test_triangles_without_surfaces_are_refused(tmp_path):
