@@ -145,3 +145,39 @@ def test_the_command_line_keeps_the_configuration_and_says_so(tmp_path, monkeypa
     near = np.linalg.norm(arm.tool_position(whole[:, 1:3]) - start, axis=1).argmin()
     # Rows of the table are 0.1 mm apart.
     np.testing.assert_allclose(rest[0, 1:3], whole[near, 1:3], atol=2e-3)
+
+
+AUTOMATIC_LEADS = """
+name: holes
+arm:
+  name: ur5e
+  tool: {position: [0, 0, 120 mm]}
+seed: [0.2, -1.7, -2.4, -0.6, 1.6, 2.5]
+path:
+  file: holes.dxf
+  frame: {position: [380 mm, -70 mm, 50 mm]}
+  orientation: {axis: [0, 0, -1]}
+process:
+  lead_in: {length: auto, shape: arc}
+  approach: 10 mm
+  retract: 10 mm
+limits: {speed: 60 mm/s, centripetal_acceleration: 1 m/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {timing: {method: optimal}}}
+"""
+
+
+def test_automatic_leads_of_the_rest_need_no_rapids(tmp_path):
+    """The whole job has more moves after the place than the contours of which leads are found."""
+    drawing = pytest.importorskip("ezdxf").new(units=4)
+    for k in range(4):
+        drawing.modelspace().add_circle((30.0 * k, 0.0), 5.0)
+    drawing.saveas(tmp_path / "holes.dxf")
+    job = parse_job(AUTOMATIC_LEADS, folder=tmp_path)
+    whole = resuming.plan_of(job)
+    circle = 2 * np.pi * 5e-3
+    rest = resuming.plan_of(resuming.resume(job, 2.5 * circle))
+    assert len(rest.objective.contours) == 2
+    ends = [x.trajectory.contour_spans[-1].t[1] for x in (whole, rest)]
+    q = [x.trajectory(t) for x, t in zip((whole, rest), ends, strict=True)]
+    np.testing.assert_allclose(*q, atol=1e-6)

@@ -125,6 +125,9 @@ class TracedWhole:
         paths: dict[int, JointPath] = {}
         for from_end, joint_path in self.later.items():
             i = len(moves) - from_end
+            if i < 0:
+                # Automatic leads are found along the contours alone, without rapids.
+                continue
             path = joint_path.tool_path
             move = moves[i]
             if isinstance(move, Contour) and path is not None and _is_same(path, move.path):
