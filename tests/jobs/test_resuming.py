@@ -176,8 +176,8 @@ def test_automatic_leads_of_the_rest_need_no_rapids(tmp_path):
     job = parse_job(AUTOMATIC_LEADS, folder=tmp_path)
     whole = resuming.plan_of(job)
     circle = 2 * np.pi * 5e-3
-    rest = resuming.plan_of(resuming.resume(job, 2.5 * circle))
-    assert len(rest.objective.contours) == 2
+    rest = resuming.plan_of(resuming.resume(job, 0.5 * circle))
+    assert len(rest.objective.contours) == 4
     ends = [x.trajectory.contour_spans[-1].t[1] for x in (whole, rest)]
     q = [x.trajectory(t) for x, t in zip((whole, rest), ends, strict=True)]
     np.testing.assert_allclose(*q, atol=1e-6)
