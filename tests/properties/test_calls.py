@@ -13,7 +13,7 @@ from armcontour.planning.constraints import SecondOrder
 NOT_MADE = {
     "Arm", "CompensationOptions", "PlanOptions", "Plant",
     # What moves a robot is tested in tests/controllers.
-    "LinuxCNC", "Motion", "Played", "PlayedMotion", "Stop", "play",
+    "Chunk", "LinuxCNC", "Motion", "Played", "PlayedMotion", "RollingRows", "play",
 }  # fmt: skip
 
 

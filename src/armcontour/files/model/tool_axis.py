@@ -119,15 +119,17 @@ class FaceNormal(Bisector):
             by default the face that the rule of the edge names.
 
     Raises:
-        InvalidInput: `up` is zero or does not have three numbers, or as in `Bisector`.
+        InvalidInput: `up` is zero or does not have three finite numbers, or as in `Bisector`.
     """
 
     up: Annotated[list[float], Items(3, 3)] | None = None
 
     def _check_together(self) -> None:
         Bisector._check_together(self)
-        if self.up is not None and (len(self.up) != 3 or not any(self.up)):
-            raise InvalidInput("up must be a direction of three numbers, not all zero.")
+        if self.up is None:
+            return
+        if len(self.up) != 3 or not any(self.up) or not np.isfinite(self.up).all():
+            raise InvalidInput("up must be a direction of three finite numbers, not all zero.")
 
     def outward(self, link: Link, v: FloatArray) -> FloatArray:
         """Return the directions from an edge to the tool, as in `Bisector`."""
@@ -135,7 +137,9 @@ class FaceNormal(Bisector):
         if self.up is None:
             return normals[0]
         middle = link.normals(np.array([0.5]))
-        return normals[int(np.argmax([x[0] @ np.array(self.up) for x in middle]))]
+        # Without this division, products of huge numbers would overflow.
+        up = np.array(self.up) / np.abs(self.up).max()
+        return normals[int(np.argmax([x[0] @ up for x in middle]))]
 
 
 # The default.
