@@ -40,6 +40,8 @@ LABELS = {
     "unset": "remove {key}",
     "tilt": "tilt the tool",
     "add_run": "add a run",
+    "pick": "add edges",
+    "unpick": "remove edges",
 }
 
 
