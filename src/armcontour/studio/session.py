@@ -110,9 +110,9 @@ class Session:
             self.pages.join(page)
             if self._on_disk:
                 self.scheduler.show_again()
+                self._show_document()
                 if self._model_frame is not None:
                     self.send(self._model_frame, to=page)
-                self._show_document()
                 self._show(self._revision)
 
     def leave(self, page: Page) -> None:

@@ -398,8 +398,7 @@ export class Viewer {
   /** Look from a side at the part or at the whole arm. @param {string} view "" for the side from which it is */
   look(view) {
     const { controls, eye, host } = this;
-    const corners = this.points.length ? [] : this.modelCorners();
-    const path = [...this.points, ...corners].map((x) => x.clone().applyMatrix4(this.work));
+    const path = [...this.points, ...this.modelCorners()].map((x) => x.clone().applyMatrix4(this.work));
     const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
     for (const x of all) {

@@ -176,10 +176,12 @@ class ArmView {
     const tool = viewer?.setJoints(q) ?? [];
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     viewer?.alert(store.refusal?.head.bodies ?? []);
-    const key = `${store.document?.id} ${arm.head.name} ${motion !== null}`;
+    // A model stays in view while its edges are picked.
+    const hasModel = Boolean(viewer?.shownModel);
+    const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
-      viewer.look("Arm");
+      viewer.look(hasModel ? "Part" : "Arm");
     }
     Object.assign(region.dataset, {
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),

@@ -256,7 +256,7 @@ export class EdgeTool {
       html`<p class="edge-name" role="status">${this.title()}</p>
         <div class="acts"><button type="button" aria-label="Edge before" onClick=${() => this.step(-1)}>‹</button><button type="button" aria-label="Next edge" onClick=${() => this.step(1)}>›</button>${this.picked >= 0 && this.acts()}</div>
         ${axis && placed.selected.length > 0 && html`<div class="acts">${Object.entries(ANGLES).map(([name, text]) => html`<label class="field">${text} <${Entry} value=${`${axis[name]} deg`} size="7" send=${(/** @type {string} */ value) => this.link.edit([{ do: "set", key: `path.orientation.${axis.form}.${name}`, value }])} /></label>`)}</div>`}
-        <div class="acts"><button type="button" title="See hidden edges (X)" aria-pressed=${String(store.options.transparent)} onClick=${() => store.setView({ transparent: !store.options.transparent })}>Transparent</button></div>`,
+        <button type="button" title="See hidden edges (X)" aria-pressed=${String(store.options.transparent)} onClick=${() => store.setView({ transparent: !store.options.transparent })}>Transparent</button>`,
       this.box,
     );
   }

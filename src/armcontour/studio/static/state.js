@@ -157,10 +157,10 @@ export class Store {
 
   /** Forget everything, because another job or drawing is opened. */
   reset() {
-    for (const kind of OF_A_RUN) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "model"]) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
-    for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
+    for (const event of [...OF_A_RUN, "model", "reset"]) this.tell(event, null);
   }
 
   /** Accept frame numbers from the start again, because the connection is new. */
