@@ -84,6 +84,8 @@ class Session:
         # Frame and source of the model that is shown.
         self._model_frame: MessageFrame | None = None
         self._model_source: ModelSource | None = None
+        # Identity of the document with which the pages have received it.
+        self._model_shown_in = ""
         self._ending = contextlib.ExitStack()
 
     def confine(self, named: Iterable[FilePath]) -> None:
@@ -338,6 +340,10 @@ class Session:
         frame = document_frame(editor.document, editor.state, editor.run)
         facts = {"id": editor.id, "logs": list(editor.uploads.logs), "model": self._model_header()}
         self.send(frame.stamped(**facts), to=to)
+        if self._model_frame is not None and self._model_shown_in != editor.id:
+            # A page forgets the model when another document is opened.
+            self._model_shown_in = editor.id
+            self.send(self._model_frame)
 
     def _request_model(self) -> None:
         """Request the CAD model of the document, if it is not the one that is shown."""
@@ -355,7 +361,7 @@ class Session:
             self._model_source = read.source
             self._model_frame = read.frame
             self.editor.picker = read.picker
-            self.send(read.frame)
+            self._model_shown_in = ""
             self._show_document()
 
     def _model_header(self) -> dict[str, Any] | None:

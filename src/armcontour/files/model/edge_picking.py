@@ -17,7 +17,7 @@ from armcontour.files.model.edge_selection import Selector, distance_to_edge, fo
 from armcontour.files.model.tables import Edge, Request, Tables
 
 # Number of points of a curve in a picture, per full turn of a circle.
-CURVE_POINTS = 48
+CURVE_POINTS = 32
 # Least number of points of a curve that is not a line.
 LEAST_POINTS = 9
 # Largest rounding error of the coordinates and lengths that a rule has [m].

@@ -132,6 +132,7 @@ class ArmView {
     }
     if (stale.has("arm")) viewer?.setArm(arm);
     if (placed) viewer?.placeModel(placed.at);
+    this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
     viewer?.setTransparent(store.options.transparent && placed !== null);
     if (stale.has("theme")) viewer?.setTheme(store.theme);
     if (stale.size > 0) {

@@ -18,6 +18,8 @@ export class ScreenEdges {
     this.breaks = breaks;
     this.skipped = skipped;
     this.screen = new Float32Array((2 * points.length) / 3);
+    /** Bounding boxes of the edges on the screen [px]: left, top, right, bottom. */
+    this.boxes = new Float32Array(4 * (breaks.length - 1));
     this.blocks = blocksOf(triangles);
     this.triangles = triangles;
     /** The projection of the screen points. @type {number[]} */
@@ -31,11 +33,29 @@ export class ScreenEdges {
     this.matrix = key;
     const { points, screen } = this;
     for (let k = 0, i = 0; i < points.length; k += 2, i += 3) {
-      const [x, y, z] = [points[i], points[i + 1], points[i + 2]];
+      const x = points[i];
+      const y = points[i + 1];
+      const z = points[i + 2];
       const w = m[3] * x + m[7] * y + m[11] * z + m[15];
       // Points behind the eye are far outside of the screen.
       screen[k] = w > 0 ? (0.5 + (m[0] * x + m[4] * y + m[8] * z + m[12]) / (2 * w)) * width : 1e9;
       screen[k + 1] = w > 0 ? (0.5 - (m[1] * x + m[5] * y + m[9] * z + m[13]) / (2 * w)) * height : 1e9;
+    }
+    this.bound();
+  }
+
+  /** Compute the bounding boxes on the screen. */
+  bound() {
+    const { boxes, breaks, screen } = this;
+    for (let edge = 0; edge + 1 < breaks.length; edge += 1) {
+      let [left, top, right, bottom] = [Infinity, Infinity, -Infinity, -Infinity];
+      for (let k = 2 * breaks[edge]; k < 2 * breaks[edge + 1]; k += 2) {
+        left = Math.min(left, screen[k]);
+        right = Math.max(right, screen[k]);
+        top = Math.min(top, screen[k + 1]);
+        bottom = Math.max(bottom, screen[k + 1]);
+      }
+      boxes.set([left, top, right, bottom], 4 * edge);
     }
   }
 
@@ -53,17 +73,21 @@ export class ScreenEdges {
 
   /** Return the nearest edges. @param {number} x px @param {number} y px @param {number} within px @returns {Found[]} */
   nearest(x, y, within) {
-    const { breaks, screen, skipped, points } = this;
+    const { boxes, breaks, screen, skipped, points } = this;
     const found = /** @type {{edge: number, distance: number, at: number, share: number}[]} */ ([]);
     for (let edge = 0; edge + 1 < breaks.length; edge += 1) {
-      if (skipped[edge]) continue;
+      const box = 4 * edge;
+      if (skipped[edge] || x < boxes[box] - within || y < boxes[box + 1] - within || x > boxes[box + 2] + within || y > boxes[box + 3] + within) continue;
       let [least, at, share] = [within * within, -1, 0];
       for (let k = breaks[edge]; k + 1 < breaks[edge + 1]; k += 1) {
-        const [ax, ay] = [screen[2 * k], screen[2 * k + 1]];
-        const [dx, dy] = [screen[2 * k + 2] - ax, screen[2 * k + 3] - ay];
+        const ax = screen[2 * k];
+        const ay = screen[2 * k + 1];
+        const dx = screen[2 * k + 2] - ax;
+        const dy = screen[2 * k + 3] - ay;
         const along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1);
         const t = along < 0 ? 0 : along > 1 ? 1 : along;
-        const [ex, ey] = [ax + t * dx - x, ay + t * dy - y];
+        const ex = ax + t * dx - x;
+        const ey = ay + t * dy - y;
         const square = ex * ex + ey * ey;
         if (square < least) [least, at, share] = [square, k, t];
       }
@@ -112,7 +136,8 @@ function crosses(boxes, at, from, ray) {
   let [begin, end] = [0, 1];
   for (let k = 0; k < 3; k += 1) {
     const inverse = 1 / ray[k];
-    const [a, b] = [(boxes[at + k] - from[k]) * inverse, (boxes[at + k + 3] - from[k]) * inverse];
+    const a = (boxes[at + k] - from[k]) * inverse;
+    const b = (boxes[at + k + 3] - from[k]) * inverse;
     begin = Math.max(begin, Math.min(a, b));
     end = Math.min(end, Math.max(a, b));
   }

@@ -4,6 +4,7 @@ import { Entry } from "./components.js";
 import { draw, find, grip, make, mark } from "./dom.js";
 import { ScreenEdges } from "./edge_pick.js";
 import { Gesture, dragged } from "./gesture.js";
+import { oncePerFrame } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -46,6 +47,7 @@ export class EdgeTool {
     this.showsLike = false;
     /** Largest time of a pointer event [ms]. */
     this.slowest = 0;
+    this.drawSoon = oncePerFrame(() => this.draw());
     this.overlay = draw("svg", { class: "edge-overlay", role: "group", "aria-label": "Tool axis" });
     this.lines = Object.fromEntries(["selected", "like", "hover"].map((name) => [name, draw("path", { class: `edge-${name}` })]));
     this.stem = draw("line", { class: "edge-stem" });
@@ -126,8 +128,10 @@ export class EdgeTool {
   hover(edge) {
     if (edge === this.hovered) return;
     this.hovered = edge;
+    mark(this.box, "data-hovered", String(edge));
+    mark(this.box, "data-kind", this.model?.edges[edge]?.kind ?? "");
     this.viewer.canvas.style.cursor = edge >= 0 ? "pointer" : "";
-    this.draw();
+    this.drawSoon();
   }
 
   /** Handle a click; returns whether the tool is in use. @param {number} x px @param {number} y px @param {boolean} isTouch @returns {boolean} */
@@ -248,15 +252,13 @@ export class EdgeTool {
     if (!placed || this.box.hasAttribute("hidden")) return;
     mark(this.box, "data-selected", String(placed.selected.length));
     mark(this.box, "data-picked", String(this.picked));
-    mark(this.box, "data-hovered", String(this.hovered));
-    if (sentence) return render(html`<p class="alarm">${sentence}</p>`, this.box);
-    if (!this.model) return render(html`<p role="status">Reading the edges of the part …</p>`, this.box);
-    const axis = placed.axis;
+    const isReady = Boolean(this.model);
+    const axis = placed.selected.length > 0 ? placed.axis : null;
     render(
-      html`<p class="edge-name" role="status">${this.title()}</p>
-        <div class="acts"><button type="button" aria-label="Edge before" onClick=${() => this.step(-1)}>‹</button><button type="button" aria-label="Next edge" onClick=${() => this.step(1)}>›</button>${this.picked >= 0 && this.acts()}</div>
-        ${axis && placed.selected.length > 0 && html`<div class="acts">${Object.entries(ANGLES).map(([name, text]) => html`<label class="field">${text} <${Entry} value=${`${axis[name]} deg`} size="7" send=${(/** @type {string} */ value) => this.link.edit([{ do: "set", key: `path.orientation.${axis.form}.${name}`, value }])} /></label>`)}</div>`}
-        <button type="button" title="See hidden edges (X)" aria-pressed=${String(store.options.transparent)} onClick=${() => store.setView({ transparent: !store.options.transparent })}>Transparent</button>`,
+      html`<p class=${sentence ? "alarm" : "edge-name"} role="status">${sentence ?? (isReady ? this.title() : "Reading the edges of the part …")}</p>
+        ${isReady && html`<div class="acts"><button type="button" aria-label="Edge before" onClick=${() => this.step(-1)}>‹</button><button type="button" aria-label="Next edge" onClick=${() => this.step(1)}>›</button>${this.picked >= 0 && this.acts()}</div>
+        <div class="acts">${axis && Object.entries(ANGLES).map(([name, text]) => html`<label class="field">${text} <${Entry} value=${`${axis[name]} deg`} size="7" send=${(/** @type {string} */ value) => this.link.edit([{ do: "set", key: `path.orientation.${axis.form}.${name}`, value }])} /></label>`)}</div>
+        <button type="button" title="See hidden edges (X)" aria-pressed=${String(store.options.transparent)} onClick=${() => store.setView({ transparent: !store.options.transparent })}>Transparent</button>`}`,
       this.box,
     );
   }

@@ -77,7 +77,7 @@ export function init(store, _link, { view }) {
     render(
       html`<span class="tools" role="group" aria-label="Tools">
           ${canDraw(store) && Object.entries(PEN).map(pen)}
-          ${store.document?.model && html`<${Tool} name="Pick edges" d=${EDGE} title="Click edges of the part in the 3D view (E)" is=${options.edges} act=${() => store.setView({ edges: !options.edges, stage: options.stage === "2d" ? "3d" : options.stage })} />`}
+          ${store.document?.model && html`<${Tool} name="Pick edges" id="pick-edges" d=${EDGE} title="Click edges of the part in the 3D view (E)" is=${options.edges} act=${() => store.setView({ edges: !options.edges, stage: options.stage === "2d" ? "3d" : options.stage })} />`}
           <${Tool} name="Place part" d=${MOVE} title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
           <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box next to the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
         <span class="looks"><${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
