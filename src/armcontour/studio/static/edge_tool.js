@@ -277,7 +277,8 @@ export class EdgeTool {
     const like = model.groups[model.edges[picked].group];
     const show = (/** @type {boolean} */ is) => () => {
       this.showsLike = is;
-      this.draw();
+      // A button loses the focus while it is removed, so it must not be drawn at once.
+      this.drawSoon();
     };
     const number = selected.get(picked);
     const same = [...selected.values()].filter((x) => x === number).length;
