@@ -7,6 +7,7 @@ import shutil
 from itertools import chain
 
 import pytest
+from soak.step_box import step_box
 from tests.dynamics_extra import needs_dynamics
 from tests.public_names import PUBLIC
 
@@ -61,6 +62,7 @@ runs: {only: {compensation: {method: none}}}
 certificate: {servo_error: 0.1 mm}
 """,
     "part.csv": "x [mm],y [mm]\n300,200\n330,200\n",
+    "box.step": step_box((40.0, 30.0, 20.0)),
 }
 
 

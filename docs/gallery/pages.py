@@ -97,6 +97,11 @@ SHOWN = {
         "A pipe with a branch on a positioner and a UR10e at two times; the torch points down",
         {"rails and positioners": "../guides/cells.md"},
     ),
+    "16_weld_from_step": Shown(
+        "The tube, the seam around its foot, and the torch axes along it",
+        {"from a STEP file to a weld": "../guides/step.md"},
+        extra="cad,dynamics",
+    ),
 }
 INTRODUCTION = """\
 # Gallery

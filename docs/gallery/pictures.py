@@ -284,6 +284,25 @@ def draw_15(names: Names) -> Figure:
     return figure
 
 
+def draw_16(names: Names) -> Figure:
+    """Draw the edges of the part, and the seam with the axes of the torch."""
+    axes = _space("Seam and torch axes")
+    for curve in names["model"].curves():
+        axes.plot(*1e3 * curve.T, color=style.GREY, lw=0.8)
+    path = names["seam"].path
+    axes.plot(*1e3 * path(np.linspace(0, path.length, PLACES)).T, color=style.BLUE, lw=2)
+    s = np.arange(24) * path.length / 24
+    length = 25.0
+    torch = path.orientation(s)[:, :, 2]
+    tails = 1e3 * path(s) - length * torch
+    axes.quiver(*tails.T, *(length * torch).T, color=style.VERMILLION, lw=0.8)
+    axes.set_aspect("equal")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    axes.locator_params(nbins=4)
+    axes.tick_params(labelsize=6, pad=-2)
+    return axes.figure  # type: ignore[return-value]
+
+
 def _errors(errors: Any, title: str) -> Figure:
     """Draw named errors over time, on a logarithmic scale."""
     figure, axes = plt.subplots(figsize=SIZE)

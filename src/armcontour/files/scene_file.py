@@ -75,7 +75,11 @@ def scene_of(
         InvalidInput: A body is wrong, or its file cannot be read.
     """
     obstacles = tuple(_obstacle(x, folder, part) for x in model.obstacles)
-    placed = [replace(x, place=part @ x.place) for x in parts]
+    taken = {x.name for x in obstacles}
+    placed = [
+        replace(x, name=f"{x.name} (part)" if x.name in taken else x.name, place=part @ x.place)
+        for x in parts
+    ]
     return Scene(obstacles=(*obstacles, *placed), margins=model.margins, floor=model.floor)
 
 

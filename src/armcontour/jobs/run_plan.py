@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from operator import or_
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.text import capitalise
+from armcontour.geometry.rounding.rounded_orientation import turns_smoothly
 from armcontour.jobs.alternatives import (
     alternatives,
     check_collision,
@@ -366,10 +368,13 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
     """
     # If the orientation follows the tangent, transitions are added before corners are rounded,
     # because rounding also rounds the orientation. If the orientation is fixed, they are added
-    # afterwards. Other orientations get no transitions.
-    orientations = [x.path.orientation for x in program.contours]
-    follow = all(x is not None and x.follows for x in orientations)
-    due = all(x is None or x.fixed for x in orientations) if rounded else follow
+    # afterwards. If it turns smoothly over pieces of its own on some contours, they are added
+    # before, as well. Other orientations get no transitions.
+    paths = [x.path for x in program.contours]
+    fixed = [x.orientation is None or x.orientation.fixed for x in paths]
+    follow = all(x.orientation is not None and x.orientation.follows for x in paths)
+    smooth = all(map(or_, fixed, map(turns_smoothly, paths)))
+    due = all(fixed) if rounded else follow or (smooth and not all(fixed))
     allowed = run.transition_tolerance
     return smooth_curvature(program, tolerance=allowed) if due and allowed > 0 else program
 

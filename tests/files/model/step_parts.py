@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("OCP")
 
-from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.BRepPrimAPI import (
@@ -60,6 +60,11 @@ def cut(shape: Any, *tools: Any) -> Any:
     for tool in tools:
         shape = BRepAlgoAPI_Cut(shape, tool).Shape()
     return shape
+
+
+def fused(first: Any, second: Any) -> Any:
+    """Return two shapes as one."""
+    return BRepAlgoAPI_Fuse(first, second).Shape()
 
 
 def placed(x: float, y: float, z: float, axis: Any = None, angle: float = 0.0) -> Any:

@@ -1,6 +1,7 @@
 """CAD models that OCCT writes, against closed forms: parts, edges, contours, refusals."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -280,6 +281,20 @@ def test_wrong_files_are_refused_in_one_sentence(tmp_path, steps):
         ac.read_model(tmp_path / "part.dxf")
 
 
+def test_an_assembly_with_a_part_in_another_file_is_refused(tmp_path):
+    parts = (Named("a", box((0, 0, 0), (10, 10, 10))), Named("b", box((20, 0, 0), (30, 10, 10))))
+    text = write(tmp_path / "both.step", *parts).read_text(encoding="latin-1")
+    assert len(ac.read_model(tmp_path / "both.step").parts) == 2
+    shape = r"ADVANCED_BREP_SHAPE_REPRESENTATION\('([^']*)',\((#\d+),\s*#\d+\),(#\d+)\)"
+    text, count = re.subn(shape, r"SHAPE_REPRESENTATION('\1',(\2),\3)", text, count=1)
+    assert count == 1
+    reference = "#90001=DOCUMENT_TYPE('');\n#90002=DOCUMENT_FILE('a.stp','','',#90001,'',$);\n"
+    head, end, tail = text.rpartition("ENDSEC;")
+    (tmp_path / "one.step").write_text(head + reference + end + tail, encoding="latin-1")
+    with pytest.raises(FileError, match="other files"):
+        ac.read_model(tmp_path / "one.step")
+
+
 def test_triangles_without_surfaces_are_refused(tmp_path):
     from OCP.BRep import BRep_Builder, BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -331,6 +346,18 @@ def test_ends_that_almost_touch_are_joined(tmp_path):
     assert len(separate.contours) == 2
     both = EdgeRule(face=FaceRule(near=[25 * MM, 5 * MM, 0]))
     assert len(model.program(both).contours) == 1
+
+
+def test_edges_shorter_than_the_join_tolerance_are_points(tmp_path):
+    # A step of 5 micrometres in the outline of a plate.
+    shape = step_parts.fused(box((0, 0, 0), (50, 20, 5)), box((0, 0, 0), (20, 20.005, 5)))
+    model = ac.read_model(write(tmp_path / "step.step", Named("step", shape)))
+    (contour,) = model.program(EdgeRule(face=FaceRule(near=[10 * MM, 10 * MM, 5 * MM]))).contours
+    assert contour.closed and contour.path.length == pytest.approx(80 * MM, abs=2e-5)
+    short = min(model.edges, key=lambda x: x.length)
+    assert short.length < 1e-5
+    with pytest.raises(ac.InvalidInput, match="join_tolerance"):
+        model.program(EdgeRule(index=short.index))
 
 
 def test_holes_and_bodies_of_one_part_are_numbered(tmp_path):

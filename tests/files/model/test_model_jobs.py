@@ -170,3 +170,45 @@ def test_a_torch_too_close_to_the_part_is_refused(steps):
         ac.run(parse_job(text, folder=steps))
     assert set(error.value.bodies) & {"plate", "post", "arm"}
     assert all(x in str(error.value) for x in error.value.bodies)
+
+
+def test_with_a_jerk_limit_the_tool_does_not_stop_where_lines_meet_arcs(tmp_path):
+    from tests.files.model.step_parts import Named, rounded_box, write
+
+    write(tmp_path / "plate.step", Named("plate", rounded_box((0, 0, 0), (40, 30, 5), 8.0)))
+    edges = "edges: {face: {near: [20 mm, 15 mm, 5 mm]}}"
+    text = JOB.format(
+        file="plate.step",
+        path=edges,
+        more="scene: {model: none}\ncycle: 20 ms\n"
+        "corners: {tolerance: 0.1 mm, continuity: curvature}",
+    ).replace("{speed: 10 mm/s}", "{speed: 10 mm/s, joint_jerk: 100 rad/s^3}")
+    result = ac.run(parse_job(text, folder=tmp_path)).runs["weld"]
+    (contour,) = result.path.contours
+    assert contour.path.smoothing > 0
+    speeds = result.execution.tool_speed
+    inside = (result.execution.t > 1.0) & (result.execution.t < result.trajectory.duration - 1.0)
+    assert speeds[inside].min() > 0.5 * MM
+
+
+def test_a_part_named_like_an_obstacle_is_renamed(steps):
+    table = "scene: {obstacles: [{type: sphere, name: plate, radius: 10 mm, at: [0, 1, 0]}]}"
+    names = [x.name for x in job_of(steps, "frame.step", SEAM, table).scene.obstacles]
+    assert names[:4] == ["plate", "plate (part)", "post", "arm"]
+
+
+def test_overlaps_and_weaves_follow_the_axis_without_a_stop(steps):
+    seam = "edges: {seams: [branch, main pipe], open: 200 mm}"
+    job = job_of(steps, "saddle.step", seam, "process: {overlap: 12 mm}")
+    (contour,) = ac.prepare(job.program, job.process).contours
+    assert contour.path.length == pytest.approx(job.program.contours[0].path.length + 12 * MM)
+    assert not len(contour.path.stops)
+    weave = "process: {weave: {width: 3 mm, pitch: 6 mm}}"
+    woven = job_of(steps, "saddle.step", seam, weave)
+    (waves,) = ac.prepare(woven.program, woven.process).contours
+    source = job.program.contours[0].path
+    s = np.linspace(0, 1, 40)
+    axes = waves.path.orientation(s * waves.path.length)[:, :, 2]
+    places = source.project(waves.path(s * waves.path.length)).s
+    cosines = (axes * source.orientation(places)[:, :, 2]).sum(axis=1)
+    assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() < 6

@@ -8,7 +8,7 @@ from math import radians
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between, exp, shortest
 from armcontour.files.model.edge_paths import EdgePath
 from armcontour.files.model.tool_axis import Bisector
@@ -35,15 +35,23 @@ def orient(edge_path: EdgePath, axis: Bisector) -> Orientation:
     has no jumps.
     """
     run = _TargetAxis(edge_path, axis).fit()
+    if angle_between(run.axes, run.axes[:1]).max() <= SAME_AXIS:
+        return _constant(edge_path, run.axes[0])
     first = exp(shortest([0.0, 0.0, 1.0], run.axes[0]))
     return turn_axes_along([run], first)
+
+
+def _constant(edge_path: EdgePath, axis: FloatArray) -> Orientation:
+    """Return an orientation with one tool axis along a whole path."""
+    orientation = edge_path.path.pointing(axis).orientation
+    assert orientation is not None
+    return orientation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Corner:
     """A vertex at which the prescribed axis jumps, and the axis turns from one to the other."""
 
-    link: int  # Index of the link that ends at the vertex
     s: float  # Arc length of the vertex [m]
     turn: FloatArray  # Rotation vector of the jump [rad], (3,)
     width: float  # Length before and after the vertex over which the axis turns [m]
@@ -77,7 +85,7 @@ class _TargetAxis:
             s = float(self.vertices[k])
             others = self.vertices[jumping[jumping != k]]
             width = min(self.axis.blend, self._room(s, others))
-            corners.append(_Corner(link=k, s=s, turn=self.turns[k], width=width))
+            corners.append(_Corner(s=s, turn=self.turns[k], width=width))
         return corners
 
     def _room(self, s: float, others: FloatArray) -> float:
@@ -96,13 +104,13 @@ class _TargetAxis:
             on = which == k
             axes[on] = self.axis.axes(self.edge_path.chain.links[k], v[on])
         for corner in self.corners:
-            axes = self._blend(corner, s, which, axes)
+            axes = self._blend(corner, s, v, axes)
         return axes
 
-    def _blend(
-        self, corner: _Corner, s: FloatArray, which: IntArray, axes: FloatArray
-    ) -> FloatArray:
+    def _blend(self, corner: _Corner, s: FloatArray, v: FloatArray, axes: FloatArray) -> FloatArray:
         """Return axes that are turned near a corner.
+
+        - `v`: fractions of the links at which the axes were computed, (n,).
 
         From `width` before the corner, x = 0, to `width` after it, x = 1, the share of the turn
         rises as 10 x³ - 15 x⁴ + 6 x⁵. Before the corner the axis is turned by this share, and after
@@ -117,8 +125,8 @@ class _TargetAxis:
             return axes
         x = (offset[near] / corner.width + 1) / 2
         share = x**3 * (10 - 15 * x + 6 * x**2)
-        # At the corner, the link that was evaluated decides.
-        before = np.where(np.abs(offset) < AT_CORNER, which == corner.link, offset < 0)[near]
+        # At the corner, the axis is that of the link before it if it belongs to the link's end.
+        before = np.where(np.abs(offset) < AT_CORNER, v > 0.5, offset < 0)[near]
         rotations = exp(np.where(before, share, share - 1)[:, None] * corner.turn)
         changed = axes.copy()
         changed[near] = np.einsum("nij,nj->ni", rotations, axes[near])

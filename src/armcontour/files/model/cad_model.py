@@ -117,9 +117,9 @@ def read_model(file: str | FilePath, *, units: str | float | None = None) -> Mod
 
     OCCT reads the file in a process of its own, which requires the extra `cad`.
 
-    >>> model = ac.read_model("frame.step")  # doctest: +SKIP
-    >>> [part.name for part in model.parts]  # doctest: +SKIP
-    ['plate', 'post']
+    >>> model = ac.read_model("box.step")
+    >>> model.parts[0].name, len(model.edges)
+    ('box', 12)
 
     Args:
         file: Path of a .step or .stp file.

@@ -128,8 +128,15 @@ def make_chains(
 def _chains_of_rule(
     selected: Sequence[SelectedEdge], tables: Tables, join_tolerance: float
 ) -> list[Chain]:
-    """Join the edges of one rule."""
-    links = [_link(x, tables) for x in sorted(selected, key=lambda x: x.index)]
+    """Join the edges of one rule; edges shorter than the join tolerance are points."""
+    ordered = sorted(selected, key=lambda x: x.index)
+    links = [_link(x, tables) for x in ordered if tables.edges[x.index].length > join_tolerance]
+    if not links:
+        longest = max(tables.edges[x.index].length for x in ordered)
+        raise InvalidInput(
+            f"Edge {ordered[0].index + 1} is {longest * 1e3:.3g} mm long, but contours must be "
+            f"longer than join_tolerance, {join_tolerance * 1e3:g} mm."
+        )
     nodes, places = _find_nodes(links, join_tolerance)
     at_node: dict[int, list[int]] = defaultdict(list)
     for k, pair in enumerate(nodes.tolist()):

@@ -32,6 +32,8 @@ as_face = getattr(TopoDS, "Face", None) or TopoDS.Face_s
 SOLID = TopAbs_ShapeEnum.TopAbs_SOLID
 SHELL = TopAbs_ShapeEnum.TopAbs_SHELL
 FACE = TopAbs_ShapeEnum.TopAbs_FACE
+# Entity of a file that names other files.
+EXTERNAL = b"DOCUMENT_FILE"
 # Beginning of the names that programs give to references between the parts of an assembly.
 REFERENCE = "=>"
 
@@ -86,6 +88,9 @@ def read_parts(file: FilePath) -> list[PlacedPart]:
     faces = [as_face(x) for part in parts for x in explore(part.shape, FACE)]
     if faces and all(BRep_Tool.Surface_s(x) is None for x in faces):
         raise Unreadable("has triangles but no surfaces, so its edges are not known")
+    empty = [x.name for x in parts if not any(explore(x.shape, FACE))]
+    if empty and EXTERNAL in file.read_bytes():
+        raise Unreadable(f"has no shape of {empty[0]}")
     return solids or [x for x in parts if any(explore(x.shape, FACE))]
 
 

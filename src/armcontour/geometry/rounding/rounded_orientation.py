@@ -27,7 +27,7 @@ from armcontour.geometry.orientation import (
 )
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounding.warped_orientation import warp_orientation
-from armcontour.geometry.segments import Segments
+from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
 
 # If a blend of length l replaces the length t on either side, the polynomial f of `Orientation` is
 # `l MIDDLE - t / 2` in its middle if f is a cubic.
@@ -60,6 +60,15 @@ def turns_evenly(path: Path) -> bool:
         return True
     fits = len(orientation) == len(path) and np.array_equal(orientation.breaks, path.breaks)
     return fits and not (orientation.second.any() or orientation.third.any())
+
+
+def turns_smoothly(path: Path) -> bool:
+    """Return whether the tool turns over pieces of its own; its rate may jump only at corners."""
+    orientation = path.orientation
+    if orientation is None or orientation.follows or turns_evenly(path):
+        return False
+    corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
+    return all(np.abs(corners - s).min(initial=np.inf) <= SLIVER for s in orientation.stops)
 
 
 def check_even(path: Path) -> None:
