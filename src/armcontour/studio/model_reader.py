@@ -138,10 +138,11 @@ def model_frame(picker: EdgePicker) -> MessageFrame:
     """
     tables = picker.tables
     points = [picker.points(i) for i in picker.edges]
-    solids = [x for x in tables.parts if len(x.triangles)]
+    named = zip(picker.names, tables.parts, strict=True)
+    solids = {name: x for name, x in named if len(x.triangles)}
     header = {
         "source": picker.source,
-        "parts": [x.name for x in solids],
+        "parts": list(solids),
         "edges": [_edge_header(picker, i) for i in picker.edges],
         "groups": [
             {"rule": rule_text(x.rule), "edges": [picker.edges.index(i) for i in x.edges]}
@@ -149,7 +150,7 @@ def model_frame(picker: EdgePicker) -> MessageFrame:
         ],
         "sentence": None,
     }
-    corners = [x.points[x.triangles].reshape(-1, 3) for x in solids]
+    corners = [x.points[x.triangles].reshape(-1, 3) for x in solids.values()]
     arrays = {
         "points": to_float32(np.concatenate(points) if points else np.empty((0, 3))),
         "breaks": _breaks(points),

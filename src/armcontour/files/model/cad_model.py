@@ -238,7 +238,8 @@ class Model(Immutable):
         """Return the edges at which a user can point in a picture, with seams of up to 20 pairs."""
         seams = self.touching if len(self.touching) <= MOST_PAIRS else ()
         tables = self._ask(Request(seams=seams, triangles=True))
-        return EdgePicker(tables=tables, source=self.source, ask=self._ask)
+        names = tuple(_unique([x.name for x in tables.parts], self.source))
+        return EdgePicker(tables=tables, names=names, source=self.source, ask=self._ask)
 
     def curves(self) -> list[FloatArray]:
         """Return points along each edge of `edges`, for a picture [m], (n, 3) each."""

@@ -55,11 +55,13 @@ class EdgePicker:
 
     Args:
         tables: Parts, faces and edges, with seams and triangles.
+        names: Names of the parts, each once, as those of obstacles.
         source: Name of the file, for messages.
         ask: Function that answers another request about the file.
     """
 
     tables: Tables
+    names: tuple[str, ...]
     source: str
     ask: Callable[[Request], Tables]
 

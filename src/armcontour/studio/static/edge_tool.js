@@ -151,7 +151,7 @@ export class EdgeTool {
   /** Pick the next edge that can be picked. @param {number} by 1 or -1 */
   step(by) {
     const all = this.model.edges;
-    let edge = this.picked;
+    let edge = this.picked < 0 && by < 0 ? 0 : this.picked;
     for (let k = 0; k < all.length; k += 1) {
       edge = (edge + by + all.length) % all.length;
       if (!all[edge].covered) break;
