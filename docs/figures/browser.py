@@ -124,6 +124,11 @@ def show_edges(studio: Studio) -> None:
         box.get_by_role("button", name="Edge before").click()
     with studio.changing():
         box.get_by_role("button", name="Add").click()
+    # The tool is at the other side, so that it does not hide the arrows.
+    slider = studio.find("#playback .scrub")
+    slider.fill(str(float(slider.get_attribute("max") or 0) * 0.4))
+    slider.blur()
+    studio.find("#view3d [data-view=Part]").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_edges", studio.page.screenshot())
 

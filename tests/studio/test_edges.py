@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.files.model.conftest import steps
 from tests.studio.session_pages import SessionPage, session_of
+from tests.studio.test_arithmetic import NODE, compute
 
 import armcontour as ac
 from armcontour.core.yaml_loader import load
@@ -238,3 +239,31 @@ def test_a_job_without_edges_is_refused_outside_of_the_page(steps, tmp_path):
     with pytest.raises(ac.InvalidInput, match="empty") as caught:
         ac.read_job(file)
     assert caught.value.key == ("path", "edges")
+
+
+# Looks along z from a height of 10 m at lines along x, on a canvas of 100 px for 1 m.
+PICK = """
+const { ScreenEdges } = await import("./edge_pick.js");
+const edges = new ScreenEdges({
+  points: new Float32Array(given.points), breaks: new Uint32Array(given.breaks),
+  triangles: new Float32Array(given.triangles),
+}, given.skipped);
+// Columns of a projection with the eye at (0, 0, 10).
+edges.project([2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, -0.1, 0, 0, 0, 1], 100, 100);
+tell(given.places.map(([x, y, hidden]) => edges.at(x, y, 12, [0, 0, 10], hidden)?.edge ?? -1));
+"""
+
+
+@pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
+def test_the_page_picks_the_nearest_edge_that_the_part_does_not_hide():
+    # Lines at y = 0 and y = 0.1, of which the first one is below a triangle.
+    given = {
+        "points": [-0.2, 0, 0, 0.2, 0, 0, -0.2, 0.1, 0, 0.2, 0.1, 0],
+        "breaks": [0, 2, 4],
+        "triangles": [-1, 0.05, 1, 1, 0.05, 1, 0, -5, 1],
+        "skipped": [False, False],
+        "places": [[50, 46, 8], [50, 46, 0], [50, 53, 8], [50, 20, 8], [95, 50, 0]],
+    }
+    # The second line is 6 px from the first place, and the first line 4 px.
+    assert compute(PICK, given) == [1, 0, 0, -1, -1]
+    assert compute(PICK, {**given, "skipped": [True, False]})[1] == 1
