@@ -19,6 +19,7 @@ from playwright.sync_api import Browser
 from tools.studio_page import Studio, browsing, serving
 
 FOLDER = Path(__file__).parent
+BRACKET = ROOT / "examples" / "drawings" / "bracket.step"
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
 FRAMES = 40  # of the moving picture
@@ -114,17 +115,36 @@ def show_gasket(studio: Studio) -> None:
     print(file.name, f"{file.stat().st_size / 1e3:.0f} kB")
 
 
+def show_edges(studio: Studio) -> None:
+    """Show the edges of a model, with the seam around the foot of a tube."""
+    studio.wait(".edge-box", state="ready")
+    box = studio.find(".edge-box")
+    # The last edges are the seams inside and outside of the tube.
+    for _ in range(2):
+        box.get_by_role("button", name="Edge before").click()
+    with studio.changing():
+        box.get_by_role("button", name="Add").click()
+    # The tool is at the other side, so that it does not hide the arrows.
+    slider = studio.find("#playback .scrub")
+    slider.fill(str(float(slider.get_attribute("max") or 0) * 0.4))
+    slider.blur()
+    studio.find("#view3d [data-view=Part]").click()
+    studio.page.wait_for_timeout(DRAWN)
+    save("studio_edges", studio.page.screenshot())
+
+
 def show_studio(browser: Browser, folder: Path) -> None:
     """Save the pictures of the Studio."""
     paper = ROOT / "src" / "armcontour" / "jobs" / "library" / "paper.yaml"
     # Nothing was opened before.
     os.environ["XDG_STATE_HOME"] = str(folder / "state")
-    for file in (GASKET, paper):
+    for file in (GASKET, BRACKET, paper):
         shutil.copy(file, folder)
     for show, arguments in (
         (show_start, ()),
         (show_demo, (paper.name,)),
         (show_gasket, (GASKET.name, "--cell", "ur5e")),
+        (show_edges, (BRACKET.name, "--cell", "ur10e_positioner")),
     ):
         with serving(*arguments, folder=folder) as server:
             studio = Studio(browser, server, size=(1440, 900))

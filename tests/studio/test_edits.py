@@ -99,6 +99,8 @@ VALID = (
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "obstacle", "action": "change", "index": 0, "size": [1, 1, 1]},
     {"do": "draw", "start": [0.36, 0.26], "segments": [{"to": [0.3, 0.2]}]},
+    {"do": "pick", "edge": 0, "like": True},
+    {"do": "unpick", "edge": 0, "like": True},
 )
 BOXED = PLANE + "scene: {obstacles: [{type: box, name: box, size: [1, 1 m, 1], at: [0, 0, 0]}]}\n"
 

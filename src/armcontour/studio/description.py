@@ -41,6 +41,8 @@ LABELS = {
     "unset": "remove {key}",
     "tilt": "tilt the tool",
     "add_run": "add a run",
+    "pick": "add edges",
+    "unpick": "remove edges",
 }
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.file_access import read_bytes, write_atomically
 from armcontour.files.job_file import drawing_text, read_job_mapping
+from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import write_data
 from armcontour.studio.recent import Recent, drop_recent, find_draft
 
@@ -91,13 +92,17 @@ class Document:
         return cls(decode(content, path), file=path, saved=content, origin=(path, None))
 
     @classmethod
-    def of_drawing(cls, file: str | FilePath, cell: str) -> Document:
-        """Create the job of a drawing in a cell (name or job file), next to the drawing."""
+    def of_drawing(cls, file: str | FilePath, cell: str, patch: Patch | None = None) -> Document:
+        """Create the job of a drawing in a cell (name or job file), next to the drawing.
+
+        - `patch`: changes of the job.
+        """
         drawing = FilePath(file).absolute()
         if not drawing.is_file():
             raise FileError(f"The drawing {drawing} does not exist.")
         file_next = drawing.with_suffix(".yaml")
         text = drawing_text(cell, drawing, file_next.parent)
+        text = write_patch(text, patch or {}, file_next.name)
         origin = drawing, str(FilePath(cell).absolute()) if FilePath(cell).suffix else cell
         return cls(text, file=file_next, origin=origin)
 

@@ -11,11 +11,19 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_text_edits import Change, change_data, write_data
+from armcontour.files.model.edge_picking import EdgePicker
+from armcontour.files.model.edge_rules import EdgeRule
 from armcontour.jobs import Job
 from armcontour.studio.description import JobState, runs_of
 from armcontour.studio.document import Document
 from armcontour.studio.edits import changes_of
-from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
+from armcontour.studio.handles import (
+    EditState,
+    blank_handles,
+    handles_of,
+    has_no_edges,
+    is_blank,
+)
 from armcontour.studio.opening import Uploads
 from armcontour.studio.preview import CoarsePlanner, path_only
 
@@ -24,6 +32,7 @@ FASTEST = "optimal"
 # Edits after which the handles must be computed again.
 HANDLE_EDITS = ("insert_waypoint", "remove_waypoint", "place", "draw")
 NOTHING_DRAWN = "The job has no path yet. Draw with the pen, or open a drawing."
+NO_EDGES = "No edge is selected yet. Click an edge of the part in the 3D view, then Add."
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +67,8 @@ class Editor:
         self.named: tuple[FilePath, ...] = ()
         self.rev = 1
         self.run = ""
+        # Edges of the CAD model of the path; None without one, and while it is read.
+        self.picker: EdgePicker | None = None
         self.state = JobState({}, None, None)
         self._refresh()
 
@@ -109,7 +120,8 @@ class Editor:
         """Change the text as one step of undo; raises an error if a valid job becomes invalid."""
         # The job is read before the text changes, so that an invalid job leaves the text unchanged.
         state = self._read_state(revision.data)
-        if state.error is not None and self.state.job is not None:
+        is_refused = state.error is not None and not is_blank(revision.data)
+        if state.error is not None and is_refused and self.state.job is not None:
             raise state.error
         if revision.text is not None:
             self.document.replace(revision.text, label)
@@ -134,9 +146,24 @@ class Editor:
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in HANDLE_EDITS:
                 handles = handles_of(self._make_job(data), data)
-            changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
-            data = change_data(data, changes)
+            edit_state = EditState(
+                data=data,
+                run=self.run,
+                handles=handles,
+                picker=self.picker,
+                rules=self.edge_rules(data),
+            )
+            data = change_data(data, changes_of(edit, edit_state))
         return Revision(data)
+
+    def edge_rules(self, data: Mapping[str, Any]) -> tuple[EdgeRule, ...] | None:
+        """Return the rules that select edges of a CAD model; None if there are none."""
+        path = data.get("path")
+        if self.picker is None or not isinstance(path, Mapping):
+            return None
+        with suppress(InvalidInput):
+            return self.previewer.edge_rules(data)
+        return None
 
     def revise_text(self, text: Any) -> Revision:
         """Make the document's revision with a new text."""
@@ -193,7 +220,8 @@ class Editor:
             with suppress(InvalidInput):
                 if is_blank(data):
                     blank = blank_handles(data, self._make_job)
-                    return JobState(data, None, blank, InvalidInput(NOTHING_DRAWN))
+                    sentence = NO_EDGES if has_no_edges(data["path"]) else NOTHING_DRAWN
+                    return JobState(data, None, blank, InvalidInput(sentence))
                 if self.state.handles is None:
                     handles = handles_of(self._make_job(path_only(data)), data)
                     return JobState(data, None, handles, error)

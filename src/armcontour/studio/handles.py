@@ -20,6 +20,8 @@ from armcontour.files.job_arm import frame_of
 from armcontour.files.job_file import GEOMETRY_KEYS
 from armcontour.files.job_model import FrameModel, PathModel
 from armcontour.files.job_text_edits import Change, change_data
+from armcontour.files.model.edge_picking import EdgePicker
+from armcontour.files.model.edge_rules import EdgeRule
 from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
@@ -27,6 +29,7 @@ from armcontour.program import Program
 from armcontour.report.arm_frame import triangles_of
 from armcontour.report.view import Plane, View, in_space
 from armcontour.robot.scene import BASE, HalfSpace, Obstacle
+from armcontour.studio.model_reader import is_model_file
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
 PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
@@ -209,18 +212,40 @@ def drawing_view(drawing: Program, frame: Frame, dimension: int) -> View:
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
-    """Return whether the path of a job is still empty."""
+    """Return whether the path of a job is still empty, or a CAD model without selected edges."""
     path = data.get("path")
-    return isinstance(path, Mapping) and not any(path.get(x) for x in (*GEOMETRY_KEYS, FILE))
+    if not isinstance(path, Mapping):
+        return False
+    return has_no_edges(path) or not any(path.get(x) for x in (*GEOMETRY_KEYS, FILE))
+
+
+def has_no_edges(path: Mapping[str, Any]) -> bool:
+    """Return whether a path is a CAD model with an empty list of rules."""
+    return is_model_file(path.get(FILE)) and path.get("edges") == []
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
     """Make the handles of a job with an empty path."""
+    path = data["path"]
     # A line replaces the missing path. A path with orientations needs points in space.
-    dimension = 3 if "orientation" in data["path"] else 2
+    is_model = has_no_edges(path)
+    dimension = 3 if is_model or "orientation" in path else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
-    drawn = change_data(data, [Change(("path", POINTS), line)])
-    return replace(handles_of(make_job(drawn), drawn), kind=BLANK, waypoints=())
+    if not is_model:
+        drawn = change_data(data, [Change(("path", POINTS), line)])
+        return replace(handles_of(make_job(drawn), drawn), kind=BLANK, waypoints=())
+    # Other keys of the path are about the file. The scene may be about it, as well.
+    kept = {key: path[key] for key in ("frame",) if key in path}
+    others = {key: x for key, x in data.items() if key != "scene"}
+    drawn = {**others, "path": {**kept, POINTS: line}}
+    file = path[FILE]
+    return replace(
+        handles_of(make_job(drawn), drawn),
+        kind=FILE,
+        file=file,
+        waypoints=(),
+        why_not=FROM_FILE.format(file=file),
+    )
 
 
 def obstacles_of(data: Mapping[str, Any], job: Job, plane: Plane) -> list[dict[str, Any]]:
@@ -354,11 +379,15 @@ class EditState:
         data: Data of the document.
         run: Name of the shown run.
         handles: Handles of the job.
+        picker: Edges of its CAD model; None without a model, or while it is read.
+        rules: Rules that select edges; None if none is selected.
     """
 
     data: Mapping[str, Any]
     run: str
     handles: Handles
+    picker: EdgePicker | None = None
+    rules: tuple[EdgeRule, ...] | None = None
 
 
 def uv_of(name: str, value: Any) -> FloatArray:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import secrets
 import shutil
 import time
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path as FilePath
+from types import MappingProxyType
 from typing import Any
 
 from armcontour.core import checks
@@ -17,6 +19,7 @@ from armcontour.files.job_file import cell_names, cell_text, drawing_patch, draw
 from armcontour.files.job_patch import Patch, key_of, write_patch
 from armcontour.files.job_text_edits import Change
 from armcontour.studio.document import Document, decode
+from armcontour.studio.model_reader import is_model_file
 from armcontour.studio.recent import all_recent, make_private, state_folder
 
 # Drawings that cards of the start page open, by card.
@@ -26,6 +29,8 @@ PAPER = "paper"
 # Card of the start page that opens an empty plane.
 EMPTY = "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
+# Data of a document without keys.
+NO_JOB: Mapping[str, Any] = MappingProxyType({})
 # Extensions of robot descriptions.
 ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
@@ -50,12 +55,18 @@ class Uploads:
         self._logs = self.root / secrets.token_hex(8)
 
     def open(
-        self, name: str, content: bytes, cell: str | None, folder: FilePath, unknown: str = ""
+        self,
+        name: str,
+        content: bytes,
+        cell: str | None,
+        folder: FilePath,
+        unknown: str = "",
+        job: Mapping[str, Any] = NO_JOB,
     ) -> Document | list[Change]:
         """Open an uploaded file; returns a new document, or changes of the current document.
 
         `cell`: built-in cell for a drawing; without it, the drawing replaces the document's path.
-        `folder`: folder of the current document.
+        `folder`, `job`: folder and data of the current document.
         """
         check_file_name(name)
         ending = FilePath(name).suffix.lower()
@@ -69,14 +80,15 @@ class Uploads:
                 f"({', '.join(READERS)}) or a robot description (.urdf)."
             )
         file = self._store(name, content, folder)
-        options: Patch = {("path", "unknown"): unknown} if unknown else {}
+        skipping: Patch = {("path", "unknown"): unknown} if unknown else {}
+        options: Patch = {**skipping, **edges_patch(file)}
         if cell is not None:
             checks.check_choice("cell", cell, cell_names())
             there = (folder / file).resolve()
             source = f"{there.stem}.yaml"
             text = write_patch(drawing_text(cell, there, folder), options, source)
             return Document(text, source=source, folder=folder)
-        patch = {**drawing_patch(FilePath(name), file, {}), **options}
+        patch = {**drawing_patch(FilePath(name), file, job), **options}
         return [Change(key_of(keys), value) for keys, value in patch.items()]
 
     def keep_log(self, name: str, content: bytes) -> str:
@@ -127,6 +139,11 @@ class Uploads:
         return str(file)
 
 
+def edges_patch(file: str) -> Patch:
+    """Return the patch that selects no edge of a CAD model, so that the user clicks edges."""
+    return {("path", "edges"): []} if is_model_file(file) else {}
+
+
 def check_file_name(name: str) -> None:
     """Raise InvalidInput for names with a folder, a leading dot or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
@@ -164,4 +181,6 @@ def blank_document(arm: str, folder: FilePath, *, is_start: bool = False) -> Doc
 
 def open_file(file: FilePath, cell: str | None) -> Document:
     """Open a job file, or a drawing in a cell."""
-    return Document.open(file) if cell is None else Document.of_drawing(file, cell)
+    if cell is None:
+        return Document.open(file)
+    return Document.of_drawing(file, cell, edges_patch(file.name))

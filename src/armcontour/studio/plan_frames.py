@@ -40,6 +40,8 @@ from armcontour.report.view import (
 )
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
+from armcontour.studio.axis_frames import tool_axes
+from armcontour.studio.model_reader import is_model_file
 
 # Approximate maximum number of drawn points per path.
 MAX_POINTS = 20_000
@@ -192,10 +194,13 @@ def _line_arrays(
         "kerfs": [],
         "contours": _contours(planned, program.contours),
     }
+    contours = program.contours
     if planned is not None:
         paths = [x.path for x in planned.objective.contours]
         program = planned.job.program
     arrays = _lines("objective", *drawn_points(paths, error), view, error)
+    if is_model_file(program.source):
+        header["knobs"], arrays["tool_axes"] = tool_axes([x.path for x in contours])
     if program.left_out:
         header["left_out"] = _contours(None, program.left_out)
         left_out = drawn_points([x.path for x in program.left_out], error)

@@ -21,7 +21,16 @@ from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
 from armcontour.files.job_file import assemble_job, job_scene
 from armcontour.files.job_model import ArmModel, JobModel, PathModel
-from armcontour.files.job_path import is_model, part_of, placed_path, read_drawing, unplaced_path
+from armcontour.files.job_path import (
+    is_model,
+    part_of,
+    placed_path,
+    read_drawing,
+    tool_axis_of,
+    unplaced_path,
+)
+from armcontour.files.model.edge_rules import EdgeRule
+from armcontour.files.model.tool_axis import Bisector
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
@@ -41,6 +50,7 @@ from armcontour.motion import Execution
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
+from armcontour.studio.handles import has_no_edges
 from armcontour.studio.plan_frames import Preview, Tier
 from armcontour.studio.step_cache import LARGE_RESULTS, StepCache
 from armcontour.verification import ErrorProfile
@@ -141,6 +151,17 @@ class CoarsePlanner:
             model = self._model(data)
         _, path = self._read_arm_and_path(model, data)
         return self._cache.get("program", path, lambda: Program.from_path(path))
+
+    def edge_rules(self, data: Mapping[str, Any]) -> tuple[EdgeRule, ...] | None:
+        """Return the rules that select edges of a CAD model; None if the job selects none."""
+        if has_no_edges(data["path"]):
+            return None
+        return self._model(data).path.rules
+
+    def tool_axis(self, data: Mapping[str, Any]) -> Bisector | None:
+        """Return the tool axis along the edges of a CAD model; None if it has another form."""
+        path = {key: x for key, x in data["path"].items() if key != "edges"}
+        return tool_axis_of(self._model({**data, "path": path}).path)
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """Return whether the program is too long to be planned at every edit."""
@@ -265,11 +286,13 @@ class CoarsePlanner:
     def _make_job(self, data: Mapping[str, Any], run: str | None) -> Job:
         """Make the job with one run from job data; unchanged parts come from the cache."""
         model = _with_one_run(self._model(data), run)
-        arm, path = self._read_arm_and_path(model, data)
-        parts = _unplaced(data) if is_model(model.path) else None
+        arm, objective = self._read_arm_and_path(model, data)
+        # Rules that select edges do not change the parts.
+        path = model.path
+        parts = (path.file, path.units, path.scale) if is_model(path) else None
         made_of = data.get("scene"), _part(data), parts, arm.knows_shapes
         scene = self._cache.get("scene", made_of, lambda: job_scene(model, self.folder, arm))
-        return assemble_job(model, arm, path, scene)
+        return assemble_job(model, arm, objective, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
         """Return the checked keys of job data, from the cache if the data are unchanged."""

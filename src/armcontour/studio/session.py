@@ -20,13 +20,23 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
 from armcontour.core.text import show
+from armcontour.files.file_keys import in_si
 from armcontour.files.job_file import cell_names
+from armcontour.files.job_model import PathModel
+from armcontour.report.arm_frame import arm_frame
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import View
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import CHANGED, Document
 from armcontour.studio.editor import Editor, Revision
-from armcontour.studio.handles import drawing_view, is_blank
+from armcontour.studio.handles import drawing_view, has_no_edges, is_blank
+from armcontour.studio.model_reader import (
+    ModelReader,
+    ModelSource,
+    ReadModel,
+    is_model_file,
+    selection_header,
+)
 from armcontour.studio.opening import new_document, open_file
 from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.plan_frames import drawing_frame, refusal_header
@@ -70,6 +80,12 @@ class Session:
         # document at its start. Each of its messages contains all edits since its start.
         self._gestures: dict[Page, tuple[Any, int]] = {}
         self._progress = progress
+        self._model_reader = ModelReader(self._take_model)
+        # Frame and source of the model that is shown.
+        self._model_frame: MessageFrame | None = None
+        self._model_source: ModelSource | None = None
+        # Identity of the document with which the pages have received it.
+        self._model_shown_in = ""
         self._ending = contextlib.ExitStack()
 
     def confine(self, named: Iterable[FilePath]) -> None:
@@ -97,6 +113,8 @@ class Session:
             if self._on_disk:
                 self.scheduler.show_again()
                 self._show_document()
+                if self._model_frame is not None:
+                    self.send(self._model_frame, to=page)
                 self._show(self._revision)
 
     def leave(self, page: Page) -> None:
@@ -141,7 +159,9 @@ class Session:
                 name = editor.uploads.keep_log(name, content)
                 self._show_document()
                 return name
-            opened = editor.uploads.open(name, content, cell, editor.folder, unknown)
+            opened = editor.uploads.open(
+                name, content, cell, editor.folder, unknown, editor.state.data
+            )
             if isinstance(opened, Document):
                 self._open(opened)
             else:
@@ -153,6 +173,10 @@ class Session:
         self.scheduler.close()
         self._ending.close()
         self.editor.uploads.close()
+
+    def wait_for_model(self) -> None:
+        """Wait until the CAD model of the document, if it has one, was read and shown."""
+        self._model_reader.wait()
 
     # Commands of the pages: the method `do_NAME` executes messages with the `op` NAME.
 
@@ -312,8 +336,47 @@ class Session:
         """Send the frame `document` to one page or to all."""
         editor = self.editor
         self._on_disk = editor.document.on_disk()
+        self._request_model()
         frame = document_frame(editor.document, editor.state, editor.run)
-        self.send(frame.stamped(id=editor.id, logs=list(editor.uploads.logs)), to=to)
+        facts = {"id": editor.id, "logs": list(editor.uploads.logs), "model": self._model_header()}
+        self.send(frame.stamped(**facts), to=to)
+        if self._model_frame is not None and self._model_shown_in != editor.id:
+            # A page forgets the model when another document is opened.
+            self._model_shown_in = editor.id
+            self.send(self._model_frame)
+
+    def _request_model(self) -> None:
+        """Request the CAD model of the document, if it is not the one that is shown."""
+        source = ModelSource.of_path(self.editor.state.data.get("path"), self.editor.folder)
+        self._model_reader.request(source)
+        if self._model_frame is not None and source != self._model_source:
+            self.editor.picker = None
+            self._model_frame = None
+
+    def _take_model(self, read: ReadModel) -> None:
+        """Show a model that was read."""
+        with self.lock:
+            if not self._model_reader.is_current(read.source):
+                return
+            self._model_source = read.source
+            self._model_frame = read.frame
+            self.editor.picker = read.picker
+            self._model_shown_in = ""
+            self._show_document()
+
+    def _model_header(self) -> dict[str, Any] | None:
+        """Describe place and selected edges of the CAD model; None without a model."""
+        editor = self.editor
+        handles = editor.state.handles
+        path = editor.state.data.get("path")
+        if handles is None or not isinstance(path, Mapping) or not is_model_file(path.get("file")):
+            return None
+        rules = editor.edge_rules(editor.state.data)
+        scale = in_si(path, PathModel).get("scale", 1.0)
+        axis = None
+        with contextlib.suppress(InvalidInput):
+            axis = editor.previewer.tool_axis(editor.state.data)
+        return selection_header(editor.picker, rules, handles.frame, scale, axis)
 
     def _show(self, revision: Revision | None = None) -> None:
         """Plan and show a revision, by default the document."""
@@ -327,6 +390,8 @@ class Session:
         if is_blank(revision.data):
             self.scheduler.forget()
             self.send(drawing_frame(None, view, run=editor.run))
+            if has_no_edges(revision.data["path"]):
+                self.send(arm_frame(handles.job))
             return
         self.scheduler.show(
             DocumentState(

@@ -118,7 +118,7 @@ class ReadOptions(Checked):
 
     def _check_together(self) -> None:
         # The properties raise errors for invalid options before a file is read.
-        _ = self.unit, self.layer_set, self.color_set
+        _ = self.unit, self.layer_set, self.color_set, self.rules
 
     @property
     def unit(self) -> float | None:
@@ -130,6 +130,12 @@ class ReadOptions(Checked):
         """The rules that select edges of models."""
         if self.edges is None:
             return ()
+        if not isinstance(self.edges, EdgeRule) and not self.edges:
+            raise InvalidInput(
+                "edges must have at least one rule, such as {kind: circle}, but is empty. Without "
+                "the key, all edges are read.",
+                key=("edges",),
+            )
         return (self.edges,) if isinstance(self.edges, EdgeRule) else tuple(self.edges)
 
     @property

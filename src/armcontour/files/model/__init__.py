@@ -2,6 +2,7 @@
 
 - `cad_model` has `read_model` and the class `Model`, which calls the other modules.
 - `edge_rules` and `tool_axis` have what users state: rules that name edges, and the tool axis.
+- `edge_picking` lists the edges at which a user can point, and writes rules for them.
 - `edge_selection` finds the edges, `edge_chains` joins them, `edge_paths` makes their paths, and
   `axis_fit` points the tool along them.
 - `tables` has parts, faces and edges as plain arrays, with which these modules work.

@@ -23,6 +23,7 @@ from armcontour.files.length_units import unit_length
 from armcontour.files.model.axis_fit import orient
 from armcontour.files.model.edge_chains import Chain, make_chains
 from armcontour.files.model.edge_paths import make_path
+from armcontour.files.model.edge_picking import EdgePicker
 from armcontour.files.model.edge_rules import LINE, MODELS, EdgeRule
 from armcontour.files.model.edge_selection import (
     MOST_NAMES,
@@ -233,6 +234,13 @@ class Model(Immutable):
             )
         return tuple(x for x in seams if x.edges)
 
+    def picker(self) -> EdgePicker:
+        """Return the edges at which a user can point in a picture, with seams of up to 20 pairs."""
+        seams = self.touching if len(self.touching) <= MOST_PAIRS else ()
+        tables = self._ask(Request(seams=seams, triangles=True))
+        names = tuple(_unique([x.name for x in tables.parts], self.source))
+        return EdgePicker(tables=tables, names=names, source=self.source, ask=self._ask)
+
     def curves(self) -> list[FloatArray]:
         """Return points along each edge of `edges`, for a picture [m], (n, 3) each."""
         points = []
@@ -346,9 +354,8 @@ class Model(Immutable):
         for rule in rules:
             checks.check_type("rule", rule, EdgeRule)
         needed = request_of(rules)
-        known = self._tables.request
         tables = self._tables
-        if not (set(needed.seams) <= set(known.seams) and set(needed.points) <= set(known.points)):
+        if not tables.request.covers(needed):
             tables = self._ask(needed)
         return Selector(tables=tables, source=self.source)
 

@@ -198,8 +198,7 @@ class Selector:
 
     def _nearest(self, point: Sequence[float], found: Sequence[int]) -> int:
         """Return the edge nearest to a point."""
-        target = np.array(point)
-        distances = [distance_to_edge(self.tables.edges[i], target) for i in found]
+        found, distances = self._distances(np.array(point), found)
         best = int(np.argmin(distances))
         nearest = distances[best]
         described = self.describe(found[best])
@@ -218,6 +217,20 @@ class Selector:
                 f"{point_text(point)}, such as {described}. Name a point inside of the edge."
             )
         return found[best]
+
+    def _distances(self, point: FloatArray, found: Sequence[int]) -> tuple[list[int], list[float]]:
+        """Return the edges that may be nearest to a point, and their distances from it [m]."""
+        extents = np.array([self.tables.edges[i].extent for i in found])
+        outside = np.maximum(np.maximum(extents[:, 0] - point, point - extents[:, 1]), 0.0)
+        bounds = np.linalg.norm(outside, axis=1)
+        near: list[int] = []
+        distances: list[float] = []
+        for k in np.argsort(bounds, kind="stable").tolist():
+            if distances and bounds[k] > min(distances) + NEAR:
+                break
+            near.append(found[k])
+            distances.append(distance_to_edge(self.tables.edges[found[k]], point))
+        return near, distances
 
     def describe(self, index: int) -> str:
         """Return an edge as text, for messages."""

@@ -8,8 +8,10 @@ import pickle
 import subprocess
 import sys
 import tempfile
-from functools import lru_cache
+from collections import deque
+from dataclasses import dataclass
 from pathlib import Path as FilePath
+from threading import Lock
 from typing import cast
 
 from armcontour.core.errors import FileError, InvalidInput
@@ -31,6 +33,20 @@ EXTERNAL = b"DOCUMENT_FILE"
 KEPT = 8
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What the kernel process has answered: tables, or the end of a sentence on the file."""
+
+    content: bytes
+    request: Request
+    answer: Tables | str
+
+
+_answers: deque[Answer] = deque(maxlen=KEPT)
+# Threads that ask for the same file wait for one answer.
+_asking = Lock()
+
+
 def ask_kernel(content: bytes, source: str, request: Request) -> Tables:
     """Read a STEP file in a process of its own.
 
@@ -45,8 +61,7 @@ def ask_kernel(content: bytes, source: str, request: Request) -> Tables:
     """
     check_kernel()
     _check_text(content, source)
-    key = (request.seams, request.points, request.triangles)
-    answer = _ask(content, *key)
+    answer = _known_or_asked(content, request)
     if isinstance(answer, Tables):
         return answer
     if EXTERNAL in content:
@@ -86,17 +101,21 @@ def _check_text(content: bytes, source: str) -> None:
         )
 
 
-@lru_cache(maxsize=KEPT)
-def _ask(
-    content: bytes,
-    seams: tuple[tuple[str, str], ...],
-    points: tuple[tuple[float, float, float], ...],
-    triangles: bool,
-) -> Tables | str:
-    """Return the answer of the kernel process: tables, or the end of a sentence on the file."""
+def _known_or_asked(content: bytes, request: Request) -> Tables | str:
+    """Return a known answer that covers a request, or ask the kernel process."""
+    with _asking:
+        for known in _answers:
+            if known.request.covers(request) and known.content == content:
+                return known.answer
+        answer = _ask(content, request)
+        _answers.appendleft(Answer(content, request, answer))
+        return answer
+
+
+def _ask(content: bytes, request: Request) -> Tables | str:
+    """Return the answer of the kernel process."""
     with tempfile.TemporaryDirectory(prefix="armcontour-") as name:
         folder = FilePath(name)
-        request = Request(seams=seams, points=points, triangles=triangles)
         (folder / "model.step").write_bytes(content)
         (folder / "request").write_bytes(pickle.dumps(request))
         files = [str(folder / x) for x in ("model.step", "request", "answer")]

@@ -37,6 +37,22 @@ class Request:
     points: tuple[Point, ...] = ()
     triangles: bool = False
 
+    def covers(self, other: Request) -> bool:
+        """Return whether the answer to this request also answers another one."""
+        return (
+            set(other.seams) <= set(self.seams)
+            and set(other.points) <= set(self.points)
+            and (self.triangles or not other.triangles)
+        )
+
+    def joined(self, other: Request) -> Request:
+        """Return a request that covers both; what this one has stays first."""
+        return Request(
+            seams=tuple(dict.fromkeys((*self.seams, *other.seams))),
+            points=tuple(dict.fromkeys((*self.points, *other.points))),
+            triangles=self.triangles or other.triangles,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Samples:
@@ -286,6 +302,11 @@ class Edge:
     def ends(self) -> FloatArray:
         """Points at both ends [m], (2, 3)."""
         return self.curve(np.array([0.0, 1.0]))
+
+    @cached_property
+    def extent(self) -> FloatArray:
+        """Smallest and largest coordinates [m], (2, 3)."""
+        return self.curve.extent
 
     @property
     def closed(self) -> bool:

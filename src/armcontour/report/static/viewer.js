@@ -10,6 +10,7 @@ import {
 /** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
 /** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, thin?: boolean, colours: (piece: number) => string}} Lines in the work frame [m] */
 /** @typedef {"light" | "dark"} Theme */
+/** @typedef {{name: string, solid: Mesh, kind: string}} Solid */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
@@ -28,8 +29,8 @@ const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
 /** Colours by theme; obstacles after Okabe and Ito. */
 const PAINTS = {
-  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7" },
-  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d" },
+  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7", line: "#4a5259", arrow: "#0072b2" },
+  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d", line: "#c2cad4", arrow: "#56b4e9" },
 };
 
 /** Return the name of the WebGL renderer; null without WebGL. @returns {string | null} */
@@ -98,7 +99,13 @@ export class Viewer {
     // The frame of the path; a positioner moves it.
     /** Dots at touched points. */
     this.touched = new Group();
-    this.onWork = new Group().add(...this.paths, this.alarm, this.touched);
+    /** CAD model of the part: its solids, and the lines of its edges. */
+    this.model = new Group();
+    this.model.matrixAutoUpdate = false;
+    /** Arrows along the tool axis. */
+    this.axes = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 1.5 }));
+    this.axes.frustumCulled = this.axes.visible = false;
+    this.onWork = new Group().add(...this.paths, this.alarm, this.touched, this.model, this.axes);
     this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
     this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
@@ -106,8 +113,14 @@ export class Viewer {
     this.groups = [];
     /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
     this.materials = new Map();
-    /** Bodies by name, each with the name of its usual colour. @type {{name: string, solid: Mesh, kind: string}[]} */
+    /** Bodies by name, each with the name of its usual colour. @type {Solid[]} */
     this.solids = [];
+    /** Solids of the model. @type {Solid[]} */
+    this.modelSolids = [];
+    /** The shown frame `model`. @type {Frame | null} */
+    this.shownModel = null;
+    /** Called after each picture. */
+    this.drawn = () => {};
     /** Names of the bodies that are shown in red. */
     this.alarmed = "";
     this.theme = theme;
@@ -148,7 +161,9 @@ export class Viewer {
     this.reach = Math.max(0.05, head.reach);
     this.groups = [new Group(), ...head.joints.map(() => new Group())];
     for (const x of this.groups) x.matrixAutoUpdate = false;
-    for (const body of head.bodies) this.addBody(body, arrays[body.triangles]);
+    const inModel = new Set(this.modelSolids.map((x) => x.name));
+    for (const body of head.bodies) if (body.colour !== "part" || !inModel.has(body.name)) this.addBody(body, arrays[body.triangles]);
+    this.solids.push(...this.modelSolids);
     const named = (/** @type {string} */ colour) => head.bodies.some((/** @type {any} */ x) => x.colour === colour);
     if (!named("link")) this.addSticks();
     this.addTool(poseOf(head.tip));
@@ -220,7 +235,8 @@ export class Viewer {
   material(name) {
     let found = this.materials.get(name);
     if (!found) {
-      found = name === "edge" ? new LineBasicMaterial({ transparent: true, opacity: 0.28 }) : new MeshLambertMaterial(BEHIND);
+      if (name === "line") found = new LineBasicMaterial();
+      else found = name === "edge" ? new LineBasicMaterial({ transparent: true, opacity: 0.28 }) : new MeshLambertMaterial(BEHIND);
       if (name === "obstacle") Object.assign(found, { transparent: true, opacity: 0.7 });
       const paint = /** @type {Record<string, string>} */ (PAINTS[this.theme]);
       found.color.set(paint[name] ?? paint.link);
@@ -239,6 +255,7 @@ export class Viewer {
     this.tip.material.color.set(paint.tip);
     for (const x of [this.alarm, this.gap]) x.material.color.set(paint.alarm);
     for (const x of this.touchedDots) x.material.color.set(paint.tip);
+    this.axes.material.color.set(paint.arrow);
     const grid = /** @type {GridHelper} */ (this.groups.at(-1));
     grid.material.vertexColors = false;
     grid.material.color.set(paint.grid);
@@ -293,6 +310,65 @@ export class Viewer {
     return made;
   }
 
+  /** Show a CAD model; returns whether it was not shown before. @param {Frame | null} frame @returns {boolean} */
+  setModel(frame) {
+    if (frame === this.shownModel) return false;
+    this.shownModel = frame;
+    this.model.traverse((x) => /** @type {Mesh} */ (x).geometry?.dispose());
+    this.model.clear();
+    this.modelSolids = [];
+    if (!frame) return true;
+    const { points, breaks, triangles, part_breaks: ends } = frame.arrays;
+    frame.head.parts.forEach((/** @type {string} */ name, /** @type {number} */ k) => {
+      const shape = new BufferGeometry().setAttribute("position", new BufferAttribute(triangles.slice(3 * ends[k], 3 * ends[k + 1]), 3));
+      const solid = new Mesh(toCreasedNormals(shape, 0.55), this.material("part"));
+      solid.castShadow = true;
+      solid.receiveShadow = true;
+      this.modelSolids.push({ name, solid, kind: "part" });
+      this.model.add(solid);
+    });
+    const lines = new BufferGeometry().setAttribute("position", new BufferAttribute(segmentsOf(points, breaks), 3));
+    this.model.add(new LineSegments(lines, this.material("line")));
+    return true;
+  }
+
+  /** Place the model in the frame of the path. @param {number[][]} at 4x4 */
+  placeModel(at) {
+    setMatrix(this.model, poseOf(at));
+    this.renderer.shadowMap.needsUpdate = true;
+  }
+
+  /** Show what is behind parts. @param {boolean} is */
+  setTransparent(is) {
+    const material = this.material("part");
+    if (material.transparent === is) return;
+    Object.assign(material, { transparent: is, opacity: is ? 0.3 : 1, depthWrite: !is, needsUpdate: true });
+    this.draw();
+  }
+
+  /** Show arrows in the frame of the path. @param {ArrayLike<number>} strokes their ends [m], (n, 2, 3) */
+  setAxes(strokes) {
+    this.axes.visible = strokes.length > 0;
+    this.axes.geometry.dispose();
+    this.axes.geometry = new LineSegmentsGeometry();
+    if (strokes.length) this.axes.geometry.setPositions(/** @type {any} */ (strokes));
+    this.draw();
+  }
+
+  /** Return the projection from the model to the screen, by columns, and the size of the canvas [px]. */
+  projectionOfModel() {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    this.eye.updateMatrixWorld();
+    const all = new Matrix4().multiplyMatrices(this.eye.projectionMatrix, this.eye.matrixWorldInverse).multiply(this.work).multiply(this.model.matrix);
+    return { matrix: all.elements, width, height };
+  }
+
+  /** Return the position of the eye in the coordinates of the model [m]. @returns {number[]} */
+  eyeInModel() {
+    const pose = this.work.clone().multiply(this.model.matrix);
+    return this.eye.position.clone().applyMatrix4(pose.invert()).toArray();
+  }
+
   /** Show the nearest points of two bodies in the base frame [m], and a refused point. @param {number[][] | null} nearest @param {number[] | null} refused */
   mark(nearest, refused) {
     this.gap.visible = nearest !== null;
@@ -336,10 +412,19 @@ export class Viewer {
     return found;
   }
 
+  /** Corners of the model's parts in the frame of the path. @returns {Vector3[]} */
+  modelCorners() {
+    return this.modelSolids.flatMap(({ solid }) => {
+      solid.geometry.computeBoundingBox();
+      const box = /** @type {import("./vendor/three.js").Box3} */ (solid.geometry.boundingBox);
+      return [box.min, box.max].map((x) => x.clone().applyMatrix4(this.model.matrix));
+    });
+  }
+
   /** Look from a side at the part or at the whole arm. @param {string} view "" for the side from which it is */
   look(view) {
     const { controls, eye, host } = this;
-    const path = this.points.map((x) => x.clone().applyMatrix4(this.work));
+    const path = [...this.points, ...this.modelCorners()].map((x) => x.clone().applyMatrix4(this.work));
     const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
     const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
     for (const x of all) {
@@ -404,6 +489,7 @@ export class Viewer {
     this.renderer.render(this.scene, this.eye);
     this.frames += 1;
     this.host.dataset.frames = String(this.frames);
+    this.drawn();
   }
 
   dispose() {
@@ -423,6 +509,14 @@ function dot() {
   const found = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ depthTest: false, transparent: true }));
   found.renderOrder = 2;
   return found;
+}
+
+/** Return the pieces of polylines, each with both ends. @param {ArrayLike<number>} points (n, 3) @param {ArrayLike<number>} breaks @returns {Float32Array} */
+function segmentsOf(points, breaks) {
+  const ends = [];
+  for (let line = 0; line + 1 < breaks.length; line += 1)
+    for (let i = 3 * breaks[line]; i + 3 < 3 * breaks[line + 1]; i += 3) for (let j = 0; j < 6; j += 1) ends.push(points[i + j]);
+  return new Float32Array(ends);
 }
 
 /** @param {Matrix4} pose */

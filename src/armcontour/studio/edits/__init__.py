@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change
+from armcontour.studio.edits.edges import pick, unpick
 from armcontour.studio.edits.keys import add_run, set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt
 from armcontour.studio.edits.waypoints import (
@@ -55,4 +56,6 @@ EDITS: dict[Any, EditFunction] = {
     "place": place,
     "obstacle": obstacle,
     "draw": draw,
+    "pick": pick,
+    "unpick": unpick,
 }

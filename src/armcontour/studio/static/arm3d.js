@@ -2,6 +2,7 @@
 
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
+import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
 import { textOf } from "./format.js";
 import { motionOf, shownMotion } from "./motion.js";
@@ -21,19 +22,24 @@ const FINEST = 1 / 4000;
 /** Within this distance a click selects a contour. */
 const NEAR = 6; // px
 
-/** @param {Store} store */
-export function init(store) {
-  const view = new ArmView(find("#view3d"), store);
-  for (const event of ["picture", "executed", "theme", "arm", "view"]) store.on(event, () => view.outdate(event));
+/** @param {Store} store @param {import("./connection.js").Link} link */
+export function init(store, link) {
+  const view = new ArmView(find("#view3d"), store, link);
+  for (const event of ["picture", "executed", "theme", "arm", "model", "document", "view"]) store.on(event, () => view.outdate(event));
   for (const event of ["time", "layout", "refusal", "figures", "touched"]) store.on(event, view.draw);
 }
 
 /** The 3D view. It draws only while it is visible and something changes. */
 class ArmView {
-  /** @param {HTMLElement} region @param {Store} store */
-  constructor(region, store) {
+  /** @param {HTMLElement} region @param {Store} store @param {import("./connection.js").Link} link */
+  constructor(region, store, link) {
     this.region = region;
     this.store = store;
+    this.link = link;
+    /** Picks edges; null until the viewer is loaded. @type {EdgeTool | null} */
+    this.edgeTool = null;
+    /** Document for which the tool was offered. */
+    this.offered = "";
     /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
     this.viewer = null;
     this.isLoading = false;
@@ -63,21 +69,28 @@ class ArmView {
         this.viewer.bar.className = "arm-bar";
         this.note.before(this.viewer.bar);
         this.listen(this.viewer.canvas);
+        const tool = new EdgeTool(this.store, this.link, this.viewer, this.box);
+        this.edgeTool = tool;
+        this.viewer.drawn = () => tool.draw();
       }
     } catch (error) {
       console.error(error);
       this.problem = NOT_LOADED;
     }
     this.outdate("arm");
+    this.outdate("model");
   }
 
   /** A click selects the contour at the pointer. @param {HTMLElement} canvas */
   listen(canvas) {
     let [x, y] = [0, 0];
     canvas.addEventListener("pointerdown", (event) => ([x, y] = [event.offsetX, event.offsetY]));
-    canvas.addEventListener("click", ({ offsetX, offsetY }) => {
+    canvas.addEventListener("click", (event) => {
+      const { offsetX, offsetY } = event;
+      const isClick = Math.hypot(offsetX - x, offsetY - y) <= CLICKED;
+      if (isClick && this.edgeTool?.click(offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
       const [picture, motion] = [this.store.latest("picture"), motionOf(this.store, "planned")];
-      if (!picture || !motion || !this.viewer || Math.hypot(offsetX - x, offsetY - y) > CLICKED) return;
+      if (!picture || !motion || !this.viewer || !isClick) return;
       this.store.selectAt(new PieceGrid(this.viewer.project(motion.trail), startsOf(picture)).nearest(offsetX, offsetY, NEAR));
     });
   }
@@ -88,7 +101,17 @@ class ArmView {
     this.draw();
   }
 
+  /** Offer to pick edges if a model without selected edges is opened. */
+  offer() {
+    const { document, options } = this.store;
+    if (!document || document.id === this.offered) return;
+    this.offered = document.id;
+    const isNew = Boolean(document.model) && !(document.data.path?.edges ?? [0]).length;
+    if (isNew !== options.edges || isNew) this.store.setView({ edges: isNew, ...(isNew && options.stage === "2d" && { stage: "3d" }) });
+  }
+
   drawNow() {
+    this.offer();
     // Check `hidden` first, because reading a height makes the browser compute the layout.
     const arm = this.store.latest("arm");
     if (this.region.hidden || this.region.clientHeight === 0 || !arm) return;
@@ -101,12 +124,22 @@ class ArmView {
   /** Read new frames. @param {Frame} arm */
   read(arm) {
     const { stale, store, viewer } = this;
+    const placed = store.document?.model ?? null;
+    if (stale.has("model") || stale.has("document")) {
+      const model = placed ? store.latest("model") : null;
+      if (viewer?.setModel(model?.head.sentence ? null : model)) stale.add("arm");
+      if (stale.has("model")) this.edgeTool?.read();
+    }
     if (stale.has("arm")) viewer?.setArm(arm);
+    if (placed) viewer?.placeModel(placed.at);
+    this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
+    viewer?.setTransparent(store.options.transparent && placed !== null);
     if (stale.has("theme")) viewer?.setTheme(store.theme);
     if (stale.size > 0) {
       const picture = store.latest("picture");
       this.motion = shownMotion(store);
       viewer?.setPath(this.motion && picture ? this.lines(this.motion, picture) : []);
+      viewer?.setAxes(placed ? (picture?.arrays.tool_axes ?? []) : []);
     }
     stale.clear();
   }
@@ -145,10 +178,12 @@ class ArmView {
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     viewer?.touch(store.touched?.xyz ?? []);
     viewer?.alert(store.refusal?.head.bodies ?? []);
-    const key = `${store.document?.id} ${arm.head.name} ${motion !== null}`;
+    // A model stays in view while its edges are picked.
+    const hasModel = Boolean(viewer?.shownModel);
+    const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
-      viewer.look("Arm");
+      viewer.look(hasModel ? "Part" : "Arm");
     }
     Object.assign(region.dataset, {
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),

@@ -73,7 +73,7 @@ export function init(store) {
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
         <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}${left.slice(0, MOST).map((x) => html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
           <span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
-        ${!contours.length && html`<p class="quiet">No contour yet: draw one, or open a drawing.</p>`}
+        ${!contours.length && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,
     );

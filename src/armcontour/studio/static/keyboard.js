@@ -46,6 +46,8 @@ function actions(store, view) {
     "shift+arrowright": pan(-60, 0),
     "shift+arrowup": pan(0, 60),
     "shift+arrowdown": pan(0, -60),
+    e: () => store.document.model && store.setView({ edges: !store.options.edges }),
+    x: () => store.document.model && store.setView({ transparent: !store.options.transparent }),
     m: () => store.setView({ place: !store.options.place }),
     v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
     d: () => store.setView({ dock: !store.options.dock }),

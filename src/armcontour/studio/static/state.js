@@ -4,7 +4,7 @@
 // A picture always has the arrays of a plan; they are empty for a long drawing without one (head.tier "outline").
 //
 // Events (`store.on(event, listener)` returns a function that ends the listening):
-//   document, arm, picture, executed, figures    a new frame of the shown run: listener(frame)
+//   document, arm, model, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused (frame), or no longer (null): listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
@@ -35,6 +35,8 @@
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
  * @property {"contours" | "process" | "robot" | "notes"} side   the open tab of the settings
+ * @property {boolean} edges       whether edges of a CAD model are picked
+ * @property {boolean} transparent  whether its parts are transparent
  * @property {number} contour       the selected contour, in the order of the motion; -1: none
  */
 
@@ -54,6 +56,8 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   dock: false,
   side: "contours",
   contour: -1,
+  edges: false,
+  transparent: false,
 });
 
 export class Store {
@@ -155,10 +159,10 @@ export class Store {
 
   /** Forget everything, because another job or drawing is opened. */
   reset() {
-    for (const kind of OF_A_RUN) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "model"]) this.frames.delete(kind);
     this.setTime(0);
     this.setRefusal(null);
-    for (const event of [...OF_A_RUN, "reset"]) this.tell(event, null);
+    for (const event of [...OF_A_RUN, "model", "reset"]) this.tell(event, null);
   }
 
   /** Accept frame numbers from the start again, because the connection is new. */

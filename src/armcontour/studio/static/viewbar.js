@@ -15,6 +15,7 @@ const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
 /** Shapes of the pen, each with its picture. */
 const PEN = { Line: "M3 13L13 3", Arc: "M2 12A6.3 6.3 0 0 1 14 12", Circle: "M8 2a6 6 0 1 0 .1 0z", Rectangle: "M2 4h12v8H2z" };
 const MOVE = "M8 1v14M1 8h14M6 3l2-2 2 2M6 13l2 2 2-2M3 6 1 8l2 2M13 6l2 2-2 2";
+const EDGE = "M2 5l6-3 6 3v7l-6 3-6-3zM2 5l6 3 6-3M8 8v7";
 const BLOCK = "M8 1l6 3v8l-6 3-6-3V4zM2 4l6 3 6-3M8 7v8";
 const LEGEND_EVERY = 250; // ms
 
@@ -76,6 +77,7 @@ export function init(store, _link, { view }) {
     render(
       html`<span class="tools" role="group" aria-label="Tools">
           ${canDraw(store) && Object.entries(PEN).map(pen)}
+          ${store.document?.model && html`<${Tool} name="Pick edges" id="pick-edges" d=${EDGE} title="Click edges of the part in the 3D view (E)" is=${options.edges} act=${() => store.setView({ edges: !options.edges, stage: options.stage === "2d" ? "3d" : options.stage })} />`}
           <${Tool} name="Place part" d=${MOVE} title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
           <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box next to the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
         <span class="looks"><${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
