@@ -416,7 +416,7 @@ export class Viewer {
   modelCorners() {
     return this.modelSolids.flatMap(({ solid }) => {
       solid.geometry.computeBoundingBox();
-      const box = /** @type {import("./vendor/three.js").Box3} */ (solid.geometry.boundingBox);
+      const box = /** @type {{ min: Vector3, max: Vector3 }} */ (solid.geometry.boundingBox);
       return [box.min, box.max].map((x) => x.clone().applyMatrix4(this.model.matrix));
     });
   }
