@@ -23,6 +23,7 @@ BRACKET = ROOT / "examples" / "drawings" / "bracket.step"
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
 FRAMES = 40  # of the moving picture
+LONGEST_FRAME = 250  # [ms], so that a slow motion is shown faster
 SMALLER = (1080, 675)  # size of the moving picture [px]
 COLOURS = 64  # of a picture of a report, which has few
 # The first plot of a report, or of a section.
@@ -100,6 +101,11 @@ def show_gasket(studio: Studio) -> None:
     studio.wait_for("#view3d[data-frames]")
     studio.page.wait_for_timeout(DRAWN)
     save("studio_gasket", studio.page.screenshot())
+    save_moving("studio_moving", studio)
+
+
+def save_moving(name: str, studio: Studio) -> None:
+    """Write a moving picture of the whole motion."""
     slider = studio.find("#playback .scrub")
     pictures = []
     duration = float(slider.get_attribute("max") or 0)
@@ -108,8 +114,8 @@ def show_gasket(studio: Studio) -> None:
         slider.blur()
         studio.page.wait_for_timeout(DRAWN / 2)
         pictures.append(Image.open(io.BytesIO(studio.page.screenshot())).resize(SMALLER))
-    file = FOLDER / "studio_moving.webp"
-    each = int(1e3 * duration / FRAMES)
+    file = FOLDER / f"{name}.webp"
+    each = min(int(1e3 * duration / FRAMES), LONGEST_FRAME)
     more = {"save_all": True, "append_images": pictures[1:], "duration": each, "loop": 0}
     pictures[0].save(file, quality=50, method=6, **more)
     print(file.name, f"{file.stat().st_size / 1e3:.0f} kB")
@@ -131,6 +137,7 @@ def show_edges(studio: Studio) -> None:
     studio.find("#view3d [data-view=Part]").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_edges", studio.page.screenshot())
+    save_moving("studio_weld", studio)
 
 
 def show_studio(browser: Browser, folder: Path) -> None:

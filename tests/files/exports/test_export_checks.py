@@ -57,7 +57,7 @@ WRONG = [
     (["urscript"], {}, FR3, "6 joints"),
     (["kuka"], {}, FR3, "6 revolute joints"),
     (["abb"], {}, FR3, "6 revolute axes"),
-    (["urscript"], {}, ON_RAIL, "prismatic"),
+    (["urscript"], {}, ON_RAIL, "external axes"),
     (["house.j2"], {}, {}, "There is no template"),
 ]
 

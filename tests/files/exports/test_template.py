@@ -337,5 +337,5 @@ def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
     gantry = dataclasses.replace(table(6), prismatic=(True, *[False] * 5))
     for name in ("kuka", "abb"):
         refusals(lambda x: export(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])
-    writes = [(tmp_path / "made.script", "URScript has no prismatic joints")]
+    writes = [(tmp_path / "made.script", "URScript cannot move external axes")]
     refusals(lambda x: URScriptFormat().write(gantry, x), writes)

@@ -301,10 +301,11 @@ def _digital_inputs(inputs: Mapping[str, int | str]) -> dict[str, int]:
 
 def _check_table(table: SetPointTable) -> None:
     """Check that URScript can represent a table."""
-    if any(table.prismatic):
+    if table.external:
         raise InvalidInput(
-            f"URScript has no prismatic joints, but {table.name!r} moves some. Choose another "
-            "format."
+            f"URScript cannot move external axes, but {table.name!r} has {len(table.external)} "
+            "(rail, gantry or positioner), even if they are held. Plan with an arm without them, "
+            "or choose a format with external axes: kuka, abb, ros-yaml or csv."
         )
     if table.dof != JOINTS:
         raise InvalidInput(
