@@ -45,6 +45,7 @@ BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
 # Pages that are executed from begin to end, with the output that they print.
 DONE = [
     *("docs/start/first_result.md", "docs/start/ur5e.md", "docs/guides/measure.md"),
+    "docs/guides/step.md",
     *(x for x in PAGES if x.startswith(("docs/tutorials/", "docs/processes/"))),
 ]
 # Those that the suite does; tests/slow does the others.

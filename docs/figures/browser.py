@@ -137,6 +137,7 @@ def show_edges(studio: Studio) -> None:
     studio.find("#view3d [data-view=Part]").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_edges", studio.page.screenshot())
+    studio.find("#view3d [data-view=Arm]").click()
     save_moving("studio_weld", studio)
 
 
