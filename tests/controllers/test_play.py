@@ -383,3 +383,18 @@ def test_a_lost_controller_leaves_a_log_that_is_marked(tmp_path, monkeypatch, cy
     if file == "log.csv":
         summary = json.loads((out / "summary.json").read_text())
         assert summary["kept"] is False and summary["completed"] is False
+
+
+def test_a_run_that_is_only_kept_slowly_is_played_at_most_at_that_speed(plain):
+    """Without compensation, the tool cuts the corner more at full speed than slowly."""
+    run = replace(plain.runs[0], accuracy=5.02e-3)
+    coarse = replace(plain, runs=(run,))
+    with pytest.raises(ControllerRefused, match="exceeds"):
+        play(coarse, simulated(), override=1.0)
+    slow = play(coarse, simulated(), execute=True, override=0.1)
+    plan = slow.plan.trajectory
+    assert slow.kept and plan.speed_factor == 0.1
+    assert "at most" in slow.to_data()["speed_factor"].note
+    # The wanted speed is a fraction of full speed also then.
+    wanted = play(coarse, simulated(), execute=True, override=lambda: 0.1)
+    assert wanted.record.t[-1] == pytest.approx(slow.record.t[-1])

@@ -65,7 +65,7 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     learned = options.set_points
     is_learned = learned is not None
     speed = player.start_override(choose_run(job, name, "played"), learned=is_learned)
-    job, plan = player.plan_kept(job, name, is_learned, progress)
+    job, plan = player.plan_kept(job, name, is_learned, speed, progress)
     if stop is not None:
         check_configuration(plan, stop)
     ready = player.prepare_motion(
@@ -84,9 +84,10 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
         with confirmed(played, keys.ended, progress), keys.listening():
             begin_record(controller, folder, played)
             print_lines(HINT, err=True)
+            override = keys if is_learned else player.override_of_plan(plan, keys)
             try:
                 of_keys = player.Player(
-                    controller, True, keys.ended.is_set, progress, keys, keys.pause_after
+                    controller, True, keys.ended.is_set, progress, override, keys.pause_after
                 )
                 played = of_keys.play(ready)
             except ControllerLost as lost:

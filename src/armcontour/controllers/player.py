@@ -268,6 +268,12 @@ class Played(Result):
             yield Row("resume.run", place.run)
             yield Row("resume.only", place.only)
 
+    def _speed_row(self) -> Row:
+        """Return the speed at the start, and whether it is the largest one."""
+        is_slow = self.plan.trajectory.speed_factor == self.speed_factor < 1.0
+        note = "and at most: at full speed, the run is not kept" if is_slow else ""
+        return Row("speed_factor", self.speed_factor, "1", "speed at the start", note, FIRST)
+
     def _override_rows(self) -> Iterator[Row]:
         """Yield how long the motion took, its lowest override, and how long it paused."""
         record = self.record
@@ -295,7 +301,7 @@ class Played(Result):
             *self.differences,
             Row("controller", self.controller, "", "controller", level=FIRST),
             Row("run", self.plan.run.name, "", "run", level=FIRST),
-            Row("speed_factor", self.speed_factor, "1", "speed at the start", level=FIRST),
+            self._speed_row(),
             Row("duration", self.plan.trajectory.duration, "s", "duration at 100 %", level=FIRST),
             *self._override_rows(),
             largest_distance(distances, arm),
@@ -379,7 +385,8 @@ def play(
         run_name = run_name or resume.run
     start = start_override(choose_run(job, run_name, "played"), learned=learned)
     wanted = start if override is None else override
-    played_job, planned = plan_kept(job, run_name, learned, progress)
+    begin = wanted() if callable(wanted) else wanted
+    played_job, planned = plan_kept(job, run_name, learned, begin, progress)
     if resume is not None:
         check_configuration(planned, resume)
     ready = prepare_motion(
@@ -388,9 +395,11 @@ def play(
         controller,
         set_points=set_points,
         band=band,
-        speed_factor=wanted() if callable(wanted) else wanted,
+        speed_factor=begin,
     )
-    of_time = wanted if callable(wanted) else lambda: wanted
+    of_time = wanted if callable(wanted) else lambda: begin
+    if not learned:
+        of_time = override_of_plan(planned, of_time)
     player = Player(controller, execute, stop_requested, progress, of_time, pause_after)
     played = player.play(ready)
     return judge_motion(played, band)
@@ -407,20 +416,39 @@ def start_override(run: Run, *, learned: bool) -> float:
 
 
 def plan_kept(
-    job: Job, run_name: str | None, learned: bool, progress: Progress | None
+    job: Job, run_name: str | None, learned: bool, speed: float, progress: Progress | None
 ) -> tuple[Job, RunResult]:
-    """Plan the run of `play`; `learned`: whether set-points of `learn` will be played.
+    """Plan the run of `play` for full speed; for the speed at the start if only that is kept.
+
+    - `learned`: whether set-points of `learn` will be played.
+    - `speed`: override at the start, as a fraction of full speed.
 
     Raises:
         ControllerRefused: In the simulation, the run exceeds a limit or the allowed error.
     """
     played_job, planned = plan_played(job, run_name, at_full_speed=not learned, progress=progress)
+    if planned.kept is False and not learned and 0.0 < speed < 1.0:
+        # Without compensation, the error of many runs is only allowed at a low speed.
+        chosen = replace(choose_run(job, run_name, "played"), speed_factor=speed)
+        slow_job = replace(job, runs=(chosen,))
+        played_job, planned = plan_played(slow_job, None, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
             f"In the simulation, run {planned.run.name} exceeds a limit or the allowed error. "
             "`armcontour run` lists the excess."
         )
     return played_job, planned
+
+
+def override_of_plan(planned: RunResult, override: Callable[[], float]) -> Callable[[], float]:
+    """Return the override of a plan from that of the full speed; at most 1.
+
+    - `planned`: the plan, for full speed or a fraction of it.
+    """
+    factor = planned.trajectory.speed_factor
+    if factor == 1.0:
+        return override
+    return lambda: min(override() / factor, 1.0)
 
 
 def plan_played(
@@ -649,7 +677,8 @@ class Player:
             place = f"{place}: {'pauses at its end' if not rests else 'has ended'}"
             remaining = "paused" if rests else remaining
         done = min(max(plan_time / plan.duration, 0.0), 1.0)
-        return Step(("playing", f"{100 * override:.3g} %", place, remaining), done)
+        share = 100 * override * plan.speed_factor
+        return Step(("playing", f"{share:.3g} %", place, remaining), done)
 
     def _stream(
         self,

@@ -17,9 +17,9 @@ from tests.oracle.test_franka_limiter import commands_changed, fast_line, recipe
 
 import armcontour as ac
 from armcontour.control.compensation import NoCompensation
-from armcontour.controllers import Franka, Motion, play
+from armcontour.controllers import Franka, Motion, RollingRows, play
 from armcontour.controllers.controller import START_TOLERANCE
-from armcontour.controllers.player import Stopper, approach_of, uncompensated_motion
+from armcontour.controllers.player import approach_of, uncompensated_motion
 from armcontour.files import parse_job
 from armcontour.motion import SetPoints
 
@@ -94,11 +94,11 @@ def job():
     return parse_job(JOB)
 
 
-def stopper_of(trajectory, arm):
+def rows_of(trajectory, arm):
     q = trajectory.sample(1e-3).q
     set_points = SetPoints(cycle=1e-3, q=q, trajectory=trajectory, method="none")
     servo = ac.ServoModel(kp=GAIN, order="first")
-    return Stopper(set_points, servo, NoCompensation(), arm, 1e-3)
+    return RollingRows(set_points, servo, NoCompensation(), arm, 1e-3)
 
 
 def played(robot, motion, job, limits, stop_requested=lambda: False):
@@ -123,28 +123,29 @@ MOTIONS = {
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motions_are_played_as_sent_and_the_limiter_changes_nothing(name, robot, arm, limits, job):
-    stopper = stopper_of(MOTIONS[name](arm, limits), arm)
-    rows = robot.check(arm, limits, stopper.q)
-    assert all(x.value <= 1 for x in rows)
-    record = played(robot, Motion(q=stopper.q, next_stop=stopper), job, limits)
-    n = len(stopper.q) - 5
-    assert record.stopped is None and np.array_equal(record.command[:n], stopper.q[:n])
+    rows = rows_of(MOTIONS[name](arm, limits), arm)
+    checked = robot.check(arm, limits, rows.q)
+    assert all(x.value <= 1 for x in checked)
+    record = played(robot, Motion(q=rows.q, rows=rows), job, limits)
+    n = len(rows.q) - 5
+    assert record.stopped is None
+    np.testing.assert_allclose(record.command[:n], rows.q[:n], rtol=0, atol=1e-9)
     assert commands_changed("fr3", record.command) == 0
-    print(name, len(record.t), {x.name: round(x.value, 3) for x in rows})
+    print(name, len(record.t), {x.name: round(x.value, 3) for x in checked})
 
 
 def test_a_stop_ends_on_the_path_and_the_limiter_changes_nothing(robot, arm, limits, job):
     trajectory = square(arm, limits)
-    stopper = stopper_of(trajectory, arm)
+    rows = rows_of(trajectory, arm)
     tool = arm.forward(trajectory(np.linspace(0, trajectory.duration, 20_000)))
     path = ac.Path.polyline(tool[:, :3, 3])
     for share in (0.2, 0.5):
-        far = share * np.abs(stopper.q - stopper.q[0]).max()
+        far = share * np.abs(rows.q - rows.q[0]).max()
 
         def is_far(far=far):
-            return np.abs(robot.position() - stopper.q[0]).max() > far
+            return np.abs(robot.position() - rows.q[0]).max() > far
 
-        motion = Motion(q=stopper.q, next_stop=stopper)
+        motion = Motion(q=rows.q, rows=rows)
         record = played(robot, motion, job, limits, is_far)
         assert record.stopped is not None and record.stopped < trajectory.duration * 1e3
         assert commands_changed("fr3", record.command) == 0
