@@ -110,6 +110,13 @@ def test_the_start_can_be_a_pause():
     assert 0.6 < waited.to_data()["override.paused"].value < 1.0
 
 
+def test_a_robot_away_from_the_start_moves_there_after_a_pause():
+    start = play(parse_job(JOB), robot()).motion.q[0]
+    away = robot(at=start + 0.02)
+    moved = play(parse_job(JOB), away, execute=True, override=Profile(0.0, *slow(0.0, 300), 1.0))
+    assert moved.kept and len(away.motions) == 2
+
+
 def test_an_override_above_100_percent_is_refused():
     with pytest.raises(InvalidInput, match="override"):
         played(JOB, 1.5)

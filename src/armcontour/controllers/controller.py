@@ -36,6 +36,8 @@ CONNECT_TIMEOUT = 20.0
 CLOSE_TIMEOUT = 60.0
 # Period of reading new samples [s].
 READING_PERIOD = 5e-3
+# Time between two reports of the place in the plan [s].
+SHOWN_PERIOD = 0.1
 # First estimate of the time for computing and sending a chunk [s], and its largest value.
 FIRST_LEAD = 0.03
 LONGEST_LEAD = 0.5
@@ -519,7 +521,7 @@ class Controller:
             stop_requested: Called often; True stops the motion on its path, and ends it there.
             override: Called often by another thread; returns the wanted share of the speed, from 0
                 (a pause on the path) to 1.
-            show: Called often with the time of the plan that is executed [s].
+            show: Called ten times per second with the time of the plan that is executed [s].
             pause_after: Called often by another thread; while it returns True, the motion pauses
                 at the end of the contour.
 
@@ -569,6 +571,7 @@ class Controller:
         checked = first_sample
         is_stopping = sender is None
         has_begun = False
+        shown_at = -SHOWN_PERIOD
         deviation = ""
         while "D" not in channel.events:
             if not channel.alive:
@@ -585,7 +588,9 @@ class Controller:
                 has_begun = bool(rows)
             if rows and sender is not None:
                 sender.played = max(sender.played, int(rows[-1][1]))
-                show(float(sender.table.at("plan_time", np.array([sender.played]))[0]))
+                if time.monotonic() - shown_at > SHOWN_PERIOD:
+                    shown_at = time.monotonic()
+                    show(float(sender.table.at("plan_time", np.array([sender.played]))[0]))
                 deviation = deviation or self._deviation(rows, motion, sender.table)
             if sender is not None and not is_stopping:
                 reason = deviation or sender.error

@@ -340,10 +340,10 @@ def play(
     The run is planned for full speed with a reserve of at least 2 %, 5 % with limits of jerk. The
     override is the share of this speed, and can change at any time: the joints then move through
     the same positions more slowly, by changes that use half of the reserve, and the set-points are
-    compensated anew. A pause, a stop and every failure end at rest on the path. The robot moves to
-    the start on a straight line in joint space, at most at 10 % of its speed; a robot that has
-    stopped on the path moves back along it. No output is switched. The result compares the
-    measured motion with the simulation.
+    compensated anew. A pause and a stop end at rest on the path, also if this process fails. The
+    robot moves to the start on a straight line in joint space, at most at 10 % of its speed; a
+    robot that has stopped on the path moves back along it. No output is switched. The result
+    compares the measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
     >>> ac.play(ac.read_job("job.yaml"), LinuxCNC("machine.hal")).record is None
@@ -633,7 +633,8 @@ class Player:
         limits = ready.plan.run.limits
         start = ready.motion.q[0]
         back = path_back(ready.plan, position, start)
-        factor = min(DEFAULT_SPEED_FACTOR, ready.speed_factor)
+        # A motion that begins with a pause has no speed yet.
+        factor = min(DEFAULT_SPEED_FACTOR, ready.speed_factor or DEFAULT_SPEED_FACTOR)
         return approach_of(ready.job, limits, position, start, factor, back)
 
     def _move_to_start(self, ready: Played) -> None:

@@ -1,8 +1,8 @@
 """Rows of a motion whose override changes: computed chunk by chunk, each of which ends at rest.
 
 A chunk replaces the rows from a cycle on. It leads on at the wanted override for some time and then
-stops on the path. The next chunk replaces the stop before it begins. If no further chunk comes, the
-robot executes the stop, whatever has failed.
+stops on the path. The next chunk replaces the stop before it begins. If no further chunk comes, for
+whatever reason, the robot executes the stop.
 
 The set-points of each chunk are compensated anew, because those of a slower motion differ from
 slower set-points.
@@ -77,9 +77,8 @@ def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> Floa
 
 def row_count(set_points: int, set_point_cycle: float, cycle: float) -> int:
     """Return the number of a controller's cycles in which set-points are executed."""
-    if abs(set_point_cycle - cycle) < SAME_CYCLE:
-        return set_points
-    return len(np.arange(0.0, (set_points - 1) * set_point_cycle + cycle / 2, cycle))
+    duration = (set_points - 1) * set_point_cycle
+    return math.ceil(duration / cycle + 0.5 - SAME_COUNT)
 
 
 def sample_rows(
@@ -352,7 +351,7 @@ class RollingRows:
             raise NotRealizable(
                 "The set-points of a slower motion start at another time than those of the plan."
             )
-        return _Compensated(set_points, first * cycle)
+        return _Compensated(set_points, first)
 
     def _sample(self, window: _Compensated, cycles: IntArray) -> FloatArray:
         """Sample set-points at cycles of the controller [rad], (n, dof)."""
@@ -400,8 +399,7 @@ class RollingRows:
         """
         points = window.set_points
         ends = ends or pace.is_complete
-        duration = window.begin + (len(points.q) - 1) * points.cycle
-        count = math.ceil(duration / self.cycle + 0.5 - SAME_COUNT)
+        count = row_count(window.first + len(points.q), points.cycle, self.cycle)
         if ends:
             count = max(count, k) + round(FINAL_REST / self.cycle)
         cycles = np.arange(k, max(count, k + 1))
@@ -430,10 +428,15 @@ class RollingRows:
 
 
 class _Compensated(NamedTuple):
-    """Set-points of the part of a motion that begins at a time of the rows [s]."""
+    """Set-points of a part of a motion, which begins with the set-point `first` of the motion."""
 
     set_points: SetPoints
-    begin: float
+    first: int
+
+    @property
+    def begin(self) -> float:
+        """Time of the part since the first set-point of the motion [s]."""
+        return self.first * self.set_points.cycle
 
 
 def _checked(override: float) -> float:

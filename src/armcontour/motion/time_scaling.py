@@ -34,11 +34,10 @@ HALVINGS = 48
 
 
 class ScalingState(NamedTuple):
-    """The plan's time tau [s], its rate dtau/dt [-], and the slope d2tau/dt2 of the rate [1/s]."""
+    """The plan's time tau [s], and its rate dtau/dt [-]."""
 
     tau: float
     rate: float
-    slope: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,12 +117,12 @@ class TimeScaling:
         return np.asarray(values)
 
     def state_at(self, t: float) -> ScalingState:
-        """Return the plan's time, its rate, and the slope of the rate just before a time [s]."""
+        """Return the plan's time and its rate just before a time [s]."""
         if t <= self.begin or t > self.end:
-            return ScalingState(float(self(t)), 0.0, 0.0)
+            return ScalingState(float(self(t)), 0.0)
         i = max(int(np.searchsorted(self.breaks, t, side="left")) - 1, 0)
         elapsed = np.array(t - self.breaks[i])
-        return ScalingState(*(float(on_piece(self.coefficients[i], elapsed, k)) for k in range(3)))
+        return ScalingState(*(float(on_piece(self.coefficients[i], elapsed, k)) for k in range(2)))
 
     def until(self, t: float) -> TimeScaling:
         """Return the pieces before a time; if they end earlier, a rest follows."""

@@ -138,7 +138,7 @@ class CycleOverride(Override):
 
     def begin(self, target: float, delay: float = 0.0) -> Pace:
         """Begin the motion from rest, at which the rate can have any value."""
-        return self._continue(None, ScalingState(0.0, target, 0.0), target, delay)
+        return self._continue(None, ScalingState(0.0, target), target, delay)
 
     def change(self, pace: Pace, t: float, target: float) -> Pace:
         """Continue a motion from a time on."""
