@@ -89,7 +89,7 @@ class NearPath:
         task = task_dimension(path, arm)
         free = np.zeros((len(s), 0, arm.dof))
         if task < arm.dof:
-            from armcontour.planning.tracing.redundancy import null_space
+            from armcontour.planning.tracing.smoothing import null_space
 
             free = null_space(arm, poses, task, q)
         return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)

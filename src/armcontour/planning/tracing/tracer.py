@@ -21,6 +21,7 @@ from armcontour.geometry import Path
 from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath, quintic
+from armcontour.planning.tracing.guide import Guide
 from armcontour.planning.tracing.joint_ranges import (
     check_joint_range,
     turn_by,
@@ -39,7 +40,6 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
-from armcontour.planning.tracing.redundancy import Guide
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
 if TYPE_CHECKING:
@@ -287,7 +287,7 @@ class NumericSolver(Solver[SerialArm]):
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
-        # The second axis is the order of the derivative along s, see `redundancy`.
+        # The second axis is the order of the derivative along s, see `guide`.
         n = len(u)
         dof = self.arm.dof
         if self._guide is None:
@@ -598,7 +598,7 @@ def _refine_solution(
     - `q`: positions at the same knots of the joints that are not held [rad], (n + 1, joints).
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
-    from armcontour.planning.tracing.redundancy import Guide, null_space
+    from armcontour.planning.tracing.smoothing import null_space
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)

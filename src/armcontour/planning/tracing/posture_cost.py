@@ -1,0 +1,172 @@
+"""Cost of the postures of a redundant arm along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import copy
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
+from armcontour.robot import SerialArm
+
+# Joint positions beyond this fraction of half the range, from its middle, have a cost.
+INNER_RANGE = 0.7
+# Weight of this cost relative to the length of the joint path.
+RANGE_WEIGHT = 30.0
+# Fractions of a step that are tried with costs that are not quadratic.
+SHARES = (1.0, 0.3, 0.1, 0.03)
+# Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
+# those of the arm, below which a posture has a cost.
+NEARLY_SINGULAR = 0.04
+# Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
+# is singular if no cost depends on a null-space motion.
+SMOOTHING_DAMPING = 1e-6
+
+
+class PostureCost:
+    """Cost of a joint path: squares of weighted joint steps, and of excesses over inner ranges."""
+
+    # The weight of a step decreases with its fraction of the tool path and of the initial joint
+    # path, because at a tight corner the joints move far on a short path, which must not outweigh
+    # all other steps.
+
+    def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray) -> None:
+        # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
+        # n, dof); `axes`: tool axes, (n, 3).
+        lower, upper = arm.limits.joint_range(arm.dof)
+        both = np.isfinite(lower) & np.isfinite(upper)
+        low = np.where(both, lower, 0.0)
+        high = np.where(both, upper, 0.0)
+        self.middle = (high + low) / 2
+        self.half = np.where(both, (high - low) / 2, np.inf)
+        self.outside = RANGE_WEIGHT / np.sqrt(len(s))
+        self.arm = arm
+        self.axes = axes
+        tilt = tilt_of(arm.chain)
+        self.chord = None if tilt is None else chord_of(tilt)
+        # Joints of the arm on its external axes, which stay away from singularities; only six or
+        # more joints can.
+        arm_joints = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
+        stays_away = len(arm.chain.external) and len(arm_joints) >= 6
+        self.arm_joints = arm_joints if stays_away else arm_joints[:0]
+        # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
+        # cost the linearized cost does not include.
+        self.shares = (1.0,) if tilt is None and not len(self.arm_joints) else SHARES
+        pace = np.ones(arm.dof)
+        if arm.limits.joint_velocity is not None:
+            slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+            # A joint without a limit counts as the fastest one.
+            slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
+            pace = np.min(slowest) / slowest
+        # A joint with a larger weight moves less.
+        pace = pace * np.asarray(arm.chain.weights)
+        steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
+        whole = steps.sum(axis=1, keepdims=True)
+        path_share = np.diff(s) / (s[-1] - s[0])
+        mean_share = path_share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
+        share = np.where(whole > 0.0, mean_share, path_share)
+        self.weights = pace / np.sqrt(share)[..., None]
+
+    def select(self, mask: BoolArray) -> PostureCost:
+        """Return the cost of the masked joint paths, (paths,)."""
+        cost = copy(self)
+        cost.weights = self.weights[mask]
+        return cost
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
+        steps = (q[:, 1:] - q[:, :-1]) * self.weights
+        excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
+        # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
+        # rotation of the tool have equal cost, and rounding errors decide between them.
+        total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
+        for excess, _ in self._excesses(q):
+            total += (excess**2).sum(axis=1)
+        return np.asarray(total)
+
+    def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
+        if self.chord is not None:
+            yield self._tilt(q)
+        if len(self.arm_joints):
+            yield self._singularity(q)
+
+    def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the excess of the tilt, (paths, n), and its joint derivatives, (paths, n, dof)."""
+        assert self.chord is not None
+        down, by_joint = turn_down(self.arm.chain, q.reshape(-1, q.shape[2]))
+        axes = np.tile(self.axes, (len(q), 1))
+        chord = np.linalg.norm(axes - down, axis=1)
+        excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * self.outside
+        scale = np.where(excess > 0.0, self.outside / self.chord / np.maximum(chord, 1e-9), 0.0)
+        slopes = np.zeros((len(axes), q.shape[2]))
+        slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
+        return excess.reshape(q.shape[:2]), slopes.reshape(q.shape)
+
+    def _singularity(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the cost of postures near a singularity and its joint derivatives, as `_tilt`."""
+        arm_joints = self.arm_joints
+        chain = self.arm.chain
+        scale = np.linalg.norm(np.asarray(chain.positions)[arm_joints[1:]], axis=1).sum()
+        jacobian = self.arm.jacobian(q)[..., arm_joints]
+        turning = jacobian[..., 3:, :]
+        moving = jacobian[..., :3, :] / scale
+        scaled = np.concatenate([moving, turning], axis=-2)
+        slopes = np.zeros(q.shape)
+        excess = np.zeros(q.shape[:2])
+        near = np.linalg.svd(scaled, compute_uv=False)[..., 5] < NEARLY_SINGULAR
+        left, values, right = np.linalg.svd(scaled[near])
+        u = left[..., -1]
+        v = right[..., 5, :]
+        # A joint turns the axes of itself and of the joints after it, and moves their tool points;
+        # the joints before it keep their axes, and their tool point moves.
+        axes, points = (np.swapaxes(x[near], -1, -2) for x in (turning, moving))
+        by_joint = np.zeros((len(u), q.shape[2]))
+        for k, joint in enumerate(arm_joints):
+            shifted, rotated = (np.cross(axes[:, k, None], x) for x in (points, axes))
+            shifted[:, :k] = np.cross(axes[:, :k], points[:, k, None])
+            rotated[:, :k] = 0.0
+            change = np.concatenate([shifted, rotated], axis=-1) @ u[..., None]
+            by_joint[:, joint] = (v * change[..., 0]).sum(axis=-1)
+        # A heavy axis must not outweigh the cost.
+        cost = self.outside * max(1.0, float(np.asarray(chain.weights).max()))
+        excess[near] = (1.0 - values[:, 5] / NEARLY_SINGULAR) * cost
+        slopes[near] = -by_joint * (cost / NEARLY_SINGULAR)
+        return excess, slopes
+
+    def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the equations whose solution is the null-space motion of least linearized cost.
+
+        They are matrices in the form of `solve_banded`, (paths, n free, 2 free), and half the
+        negative gradients, (paths, n free).
+
+        - `w`: null-space bases, (paths, n, free, dof).
+        """
+        count, n, free, _ = w.shape
+        share = (q - self.middle) / self.half
+        beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
+        slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
+        gradient = slope * self.outside * np.copysign(beyond, share)
+        weight = slope**2
+        ahead = self.weights**2
+        pull = ahead * (q[:, 1:] - q[:, :-1])
+        gradient[:, :-1] -= pull
+        gradient[:, 1:] += pull
+        weight[:, :-1] += ahead
+        weight[:, 1:] += ahead
+        turned = np.swapaxes(w, 2, 3)
+        same = (w * weight[:, :, None]) @ turned
+        following = (w[:, :-1] * ahead[:, :, None]) @ turned[:, 1:]
+        for beyond, slopes in self._excesses(q):
+            gradient += beyond[..., None] * slopes
+            along = w @ slopes[..., None]
+            same += along @ np.swapaxes(along, 2, 3)
+        bands = np.zeros((count, n, free, 2 * free))
+        for a in range(free):
+            bands[:, :, a, : free - a] = same[:, :, a, a:]
+            bands[:, :-1, a, free - a : 2 * free - a] = -following[:, :, a]
+        bands[..., 0] += SMOOTHING_DAMPING * (1.0 + bands[..., 0].max(axis=(1, 2), keepdims=True))
+        right = -(w @ gradient[..., None])
+        return bands.reshape(count, n * free, 2 * free), right.reshape(count, n * free)
