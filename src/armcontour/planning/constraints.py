@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -382,9 +382,12 @@ class JointMotion(Constraint):
         # `velocity`: lower (negative) and upper bounds [rad/s], (dof,) each, infinite for a joint
         # without a limit; None without velocity limits. `acceleration`: the same for accelerations
         # [rad/s²].
-        none = np.empty((2, 0))
-        self.velocity = none if velocity is None else np.array(velocity)
-        self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
+        none = np.empty(0), np.empty(0)
+        slowest, fastest = none if velocity is None else velocity
+        self.velocity = kernel_array(slowest), kernel_array(fastest)
+        low, high = none if acceleration is None else acceleration
+        self.low = kernel_array(low)
+        self.high = kernel_array(high)
 
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
@@ -417,8 +420,7 @@ class JointMotion(Constraint):
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Return the bounds of velocities and accelerations; the planner converts them to rows."""
         dof = path.grid.joint_path.dof
-        inverses = 1 / self.velocity**2
-        return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
+        return (JointBounds.from_limits(dof, (self.low, self.high), self.velocity),)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
         """Return the rows of the acceleration g = q' u + q'' x of each joint, with their rise.
@@ -696,21 +698,26 @@ def constraints_of(
     return [x for x in constraints if x is not None]
 
 
+@lru_cache(maxsize=16)
+def _unserved(kinds: tuple[type[Constraint], ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the limits that no constraint of these kinds keeps."""
+    served = {name for kind in kinds for name in kind.serves}
+    return tuple(x for x in names if x not in served and x not in WITHOUT_CONSTRAINT)
+
+
 def _refuse_unserved(
     joint_path: JointPath, limits: Limits, kinds: Sequence[type[Constraint]]
 ) -> None:
     """Raise InvalidInput for a limit that the plan would ignore."""
-    served = {name for kind in kinds for name in kind.serves}
-    for name in LIMITS:
-        if name in served or name in WITHOUT_CONSTRAINT:
-            continue
+    unserved = _unserved(tuple(kinds), tuple(LIMITS))
+    for name in unserved:
         if getattr(limits, name) is not None:
             raise InvalidInput(
                 f"{name} is limited, but no constraint in from_limits serves it, so the plan would "
                 "exceed it. Add its constraint to from_limits, or remove the limit with "
                 f"limits.replace({name}=math.inf)."
             )
-    if "speed" not in served and np.isfinite(assigned_speeds(joint_path, limits)).any():
+    if "speed" in unserved and np.isfinite(assigned_speeds(joint_path, limits)).any():
         raise InvalidInput(
             "A segment of the path has an assigned velocity, but no constraint in from_limits "
             "serves speed, so the plan would exceed it. Add ToolPace to from_limits, or plan a "

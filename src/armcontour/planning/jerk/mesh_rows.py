@@ -228,7 +228,7 @@ class MeshRows:
         for constraint in active:
             if isinstance(constraint, JointMotion):
                 # Rows of joint motion are polynomials, which need no margins.
-                if constraint.velocity.size:
+                if len(constraint.velocity[0]):
                     self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
                 if len(constraint.low):
                     low, high = constraint.bounds(grid)
