@@ -49,8 +49,8 @@ STEP_ROUNDING = 1e-12
 ACCURACY_SHARE = 0.98
 # Changes are planned by default if they are predicted to take at most this share of the run's time.
 CHANGES_SHARE = 0.25
-# Predicted time of a run, in the time to plan and simulate one segment of a change (about 4 ms): the
-# start and the report of every run, and the steps for each segment.
+# Predicted time of a run, in the time to plan and simulate one segment of a change (about 4 ms):
+# the start and the report of every run, and the steps for each segment.
 START_IN_SEGMENTS = 325
 RUN_PER_SEGMENT = 2.0
 # Condition of a change that raises the limit of one joint, which protects its drive.

@@ -52,13 +52,12 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit.
+# A grid that fails is refined where the margin for maxima inside intervals exceeds this share of a
+# limit.
 LARGEST_MARGIN = 3e-3
-# Share of a limit that replaces LARGEST_MARGIN on a first grid with fewer intervals than COARSE, to
-# save time.
-FIRST_MARGIN = 1e-2
-# Number of intervals of a first grid from which LARGEST_MARGIN applies instead of FIRST_MARGIN.
-COARSE = 500
+# Share of a limit that margins may take on the first grid. The time that they cost is part of the
+# estimated loss of time.
+FIRST_MARGIN = 2e-2
 # The share of a limit that margins may take grows by this factor with each refinement, because a
 # finer grid is expensive with thousands of corners.
 MARGIN_GROWTH = 2.0
@@ -70,12 +69,17 @@ MAX_REFINEMENTS = 20
 # is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The median of
 # the estimate is twice the loss, on 200 to 20,000 intervals.
 LARGEST_LOSS = 1e-4
+# Largest number of intervals of the plan from which the search with limits of jerk starts, unless
+# this many for each piece of the joint path are more.
+INTERVALS_BEFORE_JERK = 1000
+INTERVALS_OF_PIECE_BEFORE_JERK = 4
 # Largest number of parts into which a refinement for loss divides an interval.
 MAX_PARTS_AT_ONCE = 16
-# Number of steps in which the numbers of parts are found.
-PART_SEARCHES = 3
-# A number of parts that exceeds a whole number by less than this is rounded down.
-ROUNDED_DOWN = 0.3
+# Largest number of steps in which the numbers of parts are found.
+PART_SEARCHES = 8
+# A refinement aims at this fraction of the largest loss, so that it is not repeated for a loss that
+# is slightly too large.
+LOSS_TARGET = 0.55
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
@@ -195,7 +199,11 @@ FASTEST = Optimal()
 
 
 def plan_optimal(
-    joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    options: Optimal = FASTEST,
+    largest_loss: float = LARGEST_LOSS,
 ) -> Trajectory:
     """Plan the fastest motion along a path, without a given duration.
 
@@ -203,8 +211,16 @@ def plan_optimal(
       tool).
     - `limits`: joint ranges are ignored; the speed of each path segment also applies.
     - `options`: number of intervals, speeds at the ends, and constraints.
+    - `largest_loss`: fraction of the duration that a grid of the default size may lose.
     """
     intervals = options.intervals
+    loss = largest_loss * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
+    if limits.limits_jerk:
+        # This plan is only where the search with limits of jerk starts.
+        pieces = len(joint_path.breaks) - 1
+        fewest = max(INTERVALS_BEFORE_JERK, INTERVALS_OF_PIECE_BEFORE_JERK * pieces)
+        intervals = min(fewest, intervals or fewest)
+        loss = math.inf
     grid = place_grid(joint_path, intervals)
     # Speeds at the ends and constraints of the caller refer to the given parameter.
     if not (options.start_speed or options.end_speed or options.constraints):
@@ -212,7 +228,6 @@ def plan_optimal(
         if even is not None:
             joint_path = even
             grid = place_grid(joint_path, intervals)
-    loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     made = constraints_of(joint_path, arm, limits, options.from_limits)
     active = [*made, *options.constraints]
     ends = options.start_speed, options.end_speed
@@ -227,7 +242,7 @@ def plan_optimal(
         from armcontour.planning.jerk.limiter import limit_jerk
 
         jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
-        law = limit_jerk(law, Task(tuple(active), jerk, intervals, options.iterations))
+        law = limit_jerk(law, Task(tuple(active), jerk, options.intervals, options.iterations))
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
@@ -244,9 +259,8 @@ def time_optimal(
     rests = rests_at_ends(grid.joint_path.coefficients, VANISHED)
     start = math.inf if start_speed == 0 and rests[0] else start_speed**2
     end = math.inf if end_speed == 0 and rests[1] else end_speed**2
-    max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
-    estimates_loss = largest_loss < math.inf
-    rules = Rules(start, end, max_margin, estimates_loss=estimates_loss)
+    max_margin = FIRST_MARGIN
+    rules = Rules(start, end, max_margin, estimates_loss=largest_loss < math.inf)
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
@@ -264,7 +278,7 @@ def time_optimal(
             max_loss = largest_loss * duration
             if grid_plan.lost_time <= max_loss or gained < max_loss / 4:
                 break
-            parts = _parts_by_loss(grid_plan.loss, max_loss)
+            parts = _parts_by_loss(grid_plan.loss, LOSS_TARGET * max_loss)
             if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2:
                 break
             grid = split(grid, parts, grid_plan.point)
@@ -311,21 +325,18 @@ def _affordable_intervals(limits: GridLimits) -> int:
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Choose how many parts each interval needs for a total loss of at most `max_loss`.
 
-    With p parts, an interval keeps 1 / p² of its loss. The fewest parts with a given sum of losses
-    are in proportion to the cube root of the loss, if they are not rounded. Intervals that need no
-    division keep their whole loss.
+    With p parts, an interval keeps 1 / p² of its loss. The fewest parts with a given total loss are
+    in proportion to the cube root of the loss, apart from rounding to whole numbers.
     """
     loss = np.nan_to_num(loss)
     roots = np.cbrt(loss)
-    divided = np.ones(len(loss), dtype=np.bool_)
-    kept = 0.0
-    scale = 0.0
+    scale = math.sqrt(roots.sum() / max_loss)
     for _ in range(PART_SEARCHES):
-        available = max(max_loss - kept, max_loss / 4)
-        scale = math.sqrt(roots[divided].sum() / available)
-        divided = scale * roots > 1
-        kept = float(loss[~divided].sum())
-    parts = np.minimum(scale * roots - ROUNDED_DOWN, MAX_PARTS_AT_ONCE)
+        parts = np.clip(np.rint(scale * roots), 1.0, MAX_PARTS_AT_ONCE)
+        remaining = float((loss / parts**2).sum())
+        if remaining <= max_loss:
+            break
+        scale *= math.sqrt(remaining / max_loss)
     return _round_parts(parts, max(MAX_REFINED, len(loss)))
 
 

@@ -281,12 +281,6 @@ class MeshRows:
         self.lost = np.maximum(self.lost, lost)
 
     @property
-    def exact(self) -> bool:
-        """True if all limits are polynomials, which need no margins."""
-        others = any(x.rise.size for x in self.limits[:3])
-        return not (others or np.isfinite(self.limits.ceiling).any())
-
-    @property
     def count(self) -> int:
         """Number of bounds of all rows."""
         p = self.section
