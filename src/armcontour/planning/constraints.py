@@ -38,6 +38,7 @@ from armcontour.planning.topp.limit_forms import (
     combine_forms,
 )
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.planning.topp.tool_curvature import speed_and_acceleration, write_chords
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
 from armcontour.robot.limits import LIMITS, TOOL_LIMITS, WITHOUT_CONSTRAINT
@@ -488,41 +489,30 @@ class ToolMetric:
 
     def _chords_on(self, grid: Grid) -> FloatArray:
         """Return curvatures at interval ends [1/m], (2, n), whose chord is an upper bound."""
-        # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
-        # largest relative excess of the samples inside over the chord of these values.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
-            s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
-            pieces = np.broadcast_to(grid.piece[i], s.shape)
-            values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin = np.maximum(values[0], STRAIGHT_CURVATURE)
-            end = np.maximum(values[-1], STRAIGHT_CURVATURE)
-            on_chord = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
-            excess = np.maximum(values[1:-1] / on_chord - 1, 0.0).max(axis=0)
-            chords[:, i] = np.stack([begin, end]) * (1 + 2 * excess)
+            # The end of an interval is the start of the next one on the same piece.
+            piece = grid.piece[i]
+            alone = np.append((np.diff(i) != 1) | (piece[1:] != piece[:-1]), True)
+            s = grid.s[i] + INTERVAL_SAMPLES[:-1] * grid.width[i]
+            places = np.append(s.ravel(), grid.s[i[alone] + 1])
+            pieces = np.append(np.tile(piece, len(s)), piece[alone])
+            _, values = _measure(self.joint_path, self.arm, pieces, places)
+            sampled = np.empty((2, len(i)))
+            inside = values[: s.size].reshape(s.shape)
+            write_chords(inside, values[s.size :], alone, STRAIGHT_CURVATURE, sampled)
+            chords[:, i] = sampled
         return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
     """Return tool speed [-] and normal tool acceleration [1/m] at ds = 1, (2, *s.shape)."""
-    speed, _, across = _speed_and_acceleration(
+    speed, _, across = speed_and_acceleration(
         *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     )
     return np.stack([speed, across]).reshape(2, *s.shape)
-
-
-def _speed_and_acceleration(
-    velocity: FloatArray, acceleration: FloatArray
-) -> tuple[FloatArray, ...]:
-    """Return the speeds, and the accelerations along and normal to the motion, (n,) each."""
-    speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    # If the tool rests, the whole acceleration counts as normal.
-    direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
-    along = np.einsum("ij,ij->i", acceleration, direction)
-    across = acceleration - along[:, None] * direction
-    return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
 def _refuse_tool_limits(limits: Limits) -> None:
@@ -636,7 +626,7 @@ class ToolAcceleration(ToolConstraint):
 
         In this frame, the vectors are constant along a circle.
         """
-        speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
+        speed, along, across = speed_and_acceleration(*self.arm.tool_motion(*path.motion))
         first = np.stack([speed, 0 * speed], axis=1)
         second = np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)

@@ -65,10 +65,13 @@ MARGIN_GROWTH = 2.0
 LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
 MAX_REFINEMENTS = 20
-# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
-# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The median of
-# the estimate is twice the loss, on 200 to 20,000 intervals.
-LARGEST_LOSS = 1e-4
+# The default grid is also refined while the estimated loss of time exceeds this share of the
+# duration. Shaping needs this accuracy, because it compares candidates by their durations. The
+# median of the estimate is twice the loss, on 200 to 20,000 intervals.
+LARGEST_LOSS = 3e-5
+# The same share for a grid of a requested number of intervals, multiplied by this number: it is
+# 1e-4 for 4000 intervals.
+LARGEST_LOSS_OF_ONE_INTERVAL = 0.4
 # Largest number of intervals of the plan from which the search with limits of jerk starts, unless
 # this many for each piece of the joint path are more.
 INTERVALS_BEFORE_JERK = 1000
@@ -199,11 +202,7 @@ FASTEST = Optimal()
 
 
 def plan_optimal(
-    joint_path: JointPath,
-    arm: Arm,
-    limits: Limits,
-    options: Optimal = FASTEST,
-    largest_loss: float = LARGEST_LOSS,
+    joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
     """Plan the fastest motion along a path, without a given duration.
 
@@ -211,10 +210,9 @@ def plan_optimal(
       tool).
     - `limits`: joint ranges are ignored; the speed of each path segment also applies.
     - `options`: number of intervals, speeds at the ends, and constraints.
-    - `largest_loss`: fraction of the duration that a grid of the default size may lose.
     """
     intervals = options.intervals
-    loss = largest_loss * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
+    loss = LARGEST_LOSS if intervals is None else LARGEST_LOSS_OF_ONE_INTERVAL / intervals
     if limits.limits_jerk:
         # This plan is only where the search with limits of jerk starts.
         pieces = len(joint_path.breaks) - 1

@@ -39,9 +39,6 @@ SMALLEST_RADIUS = 1e-10
 # Largest distance along the objective between the exact and the approximate match of a point of a
 # start, divided by the tolerance
 MATCH_CORRECTION = 6.0
-# Fraction of the duration that a grid of the default size may lose. Candidates are compared by
-# their durations, so that these must be more accurate than the gains of an iteration.
-COMPARISON_LOSS = 3e-5
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
@@ -130,8 +127,7 @@ class Timer:
 
     def time(self, joint_path: JointPath) -> Trajectory:
         """Plan the fastest motion along a joint path."""
-        options = Optimal(intervals=self.intervals)
-        return plan_optimal(joint_path, self.arm, self.limits, options, COMPARISON_LOSS)
+        return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
     def candidate(self, name: str, path: Path, matches: FloatArray) -> Candidate | None:
         """Time a path; None if the arm cannot follow it."""

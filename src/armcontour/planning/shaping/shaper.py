@@ -25,13 +25,7 @@ from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_timing import Timing, time_program
 from armcontour.planning.program_tracing import SAME_JOINT_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.shape_search import ShapeSearch, explain_unshaped, make_searches
-from armcontour.planning.shaping.shape_starts import (
-    COMPARISON_LOSS,
-    Candidate,
-    Timer,
-    Tolerances,
-    make_starts,
-)
+from armcontour.planning.shaping.shape_starts import Candidate, Timer, Tolerances, make_starts
 from armcontour.planning.timing_options import (
     DEFAULT_ITERATIONS,
     MAX_SHAPES,
@@ -103,8 +97,7 @@ class Shaped(PlanOptions):
 
     def time(self, joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
         """Plan the fastest motion along a contour that is shaped already."""
-        options = Optimal(intervals=self.intervals)
-        fastest = plan_optimal(joint_path, arm, limits, options, COMPARISON_LOSS)
+        fastest = plan_optimal(joint_path, arm, limits, Optimal(intervals=self.intervals))
         return replace(fastest, method=Method.SHAPED)
 
     def check_jerk(self, limits: Limits) -> None:
