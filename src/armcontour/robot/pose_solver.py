@@ -1,7 +1,8 @@
 """Compiled inverse kinematics: Newton's method, damped least squares, pose sequences.
 
 The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool axis
-is free; 3 for the tool point only. If the arm has more joints than equations, guide equations
+is free; 4 for the tool point and the rotation about the direction of all revolute joints, if they
+are parallel; 3 for the tool point only. If the arm has more joints than equations, guide equations
 `w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its joint
 positions.
 """
@@ -108,9 +109,27 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @compiled(inner=True)
-def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: FloatArray) -> None:
+def first_revolute(links: FloatArray) -> int:
+    """Return the index of the first joint that turns; 0 if all slide."""
+    for k in range(len(links) - 1):
+        if links[k, SLIDES] == 0.0:
+            return k
+    return 0
+
+
+@compiled(inner=True)
+def write_task(
+    links: FloatArray,
+    task: int,
+    frames: FloatArray,
+    target: FloatArray,
+    move: Vector,
+    turn: Vector,
+    out: FloatArray,
+) -> None:
     """Write the components of a tool motion that the task prescribes into `out`, (task,).
 
+    - `frames`: frames of the joints, of which task 4 uses the axis of the first revolute joint.
     - `move`: motion of the tool point.
     - `turn`: rotation of the tool.
     """
@@ -120,6 +139,8 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
     elif task == 5:
         out[3] = dot(column(target, 0), turn)
         out[4] = dot(column(target, 1), turn)
+    elif task == 4:
+        out[3] = dot(column(frames[first_revolute(links)], 2), turn)
 
 
 class PoseEquations(NamedTuple):
@@ -138,7 +159,8 @@ def write_equations(
 
     The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     from the pose to the target [rad]. For task 5 they are the components of the rotation vector
-    between the tool axes along the target's x and y axes [rad].
+    between the tool axes along the target's x and y axes [rad]. For task 4 the other is the
+    component of the rotation vector along the axis of the first revolute joint [rad].
 
     - `links`: (dof + 1, 13).
     - `q`: joint positions [rad or m], (dof,).
@@ -162,23 +184,30 @@ def write_equations(
         elif task == 5:
             rows[3, k] = dot(column(target, 0), axis)
             rows[4, k] = dot(column(target, 1), axis)
+        elif task == 4:
+            rows[3, k] = dot(column(frames[first_revolute(links)], 2), axis)
     turn = (0.0, 0.0, 0.0)
     cosine = 0.0
-    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for task 6.
-    for k in range(0 if task == 6 else 2, 3):
+    whole = task == 6 or task == 4
+    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for whole
+    # rotations.
+    for k in range(0 if whole else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
         cosine += dot(column(pose, k), column(target, k))
-    cosine -= 1.0 if task == 6 else 0.0
+    cosine -= 1.0 if whole else 0.0
     sine = math.sqrt(dot(turn, turn))
-    scale = 0.5 if task == 6 else 1.0
+    scale = 0.5 if whole else 1.0
     if sine > SMALLEST_SINE:
         scale = math.atan2(sine, cosine) / sine
     elif cosine < 0.0:
         # At half a turn the axis is undefined; a rotation about any axis makes progress.
         turn = (1.0, 0.0, 0.0) if task == 6 else column(target, 0)
+        if task == 4:
+            turn = column(frames[first_revolute(links)], 2)
         scale = math.pi
     move = add(column(target, 3), -1.0, column(pose, 3))
-    write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), out.error)
+    turn = add((0.0, 0.0, 0.0), scale, turn)
+    write_task(links, task, frames, target, move, turn, out.error)
 
 
 @compiled()
@@ -285,7 +314,7 @@ def path_derivatives(
         for r in range(task, dof):
             write_row(w[i, 0, r - task], a[r])
         # First derivative: w dq = w dg - dw (q - g)
-        write_task(task, targets[i], rate.move, rate.turn, b)
+        write_task(links, task, frames, targets[i], rate.move, rate.turn, b)
         for r in range(task, dof):
             b[r] = 0.0
             for k in range(dof):
@@ -345,14 +374,16 @@ def write_second_task(
     # angular velocities is along the tool axis.
     free = cross(add(rate.turn, -1.0, turned), rate.turn)
     twist = add(add(rate.twist, -1.0, twisted), 1.0, free)
-    write_task(task, target, add(rate.acceleration, -1.0, tool_acceleration), twist, b)
+    acceleration = add(rate.acceleration, -1.0, tool_acceleration)
+    write_task(links, task, frames, target, acceleration, twist, b)
 
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
 
-    For task 5 the tool may rotate about its axis, for task 3 about the tool point. The basis is
+    For task 5 the tool may rotate about its axis, for task 3 about the tool point. Joints of an arm
+    with task 4 cannot rotate the tool about other directions. The basis is
     made by Gram-Schmidt orthogonalization.
 
     - `links`: (dof + 1, 13).

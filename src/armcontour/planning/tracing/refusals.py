@@ -141,9 +141,7 @@ def _refuse_singularity(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
 ) -> None:
     """Raise Unreachable for the singularity after joint positions q [rad], (dof,), at s [m]."""
-    jacobian = arm.jacobian(q)
-    angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
-    _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
+    _, sizes, motions = np.linalg.svd(_task_jacobian(arm, pose, task, q))
     joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
         f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
@@ -154,6 +152,18 @@ def _refuse_singularity(
         joint=joint,
         limit="singularity",
     )
+
+
+def _task_jacobian(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Return the derivative of the prescribed tool motion by the joints at q, (task, dof)."""
+    jacobian = arm.jacobian(q)
+    turning = jacobian[3:]
+    if task == 4:
+        revolute = np.flatnonzero(~arm.chain.slides)[0]
+        turning = turning[:, revolute][None] @ turning
+    elif task < 6:
+        turning = pose[:, : task - 3].T @ turning
+    return np.concatenate([jacobian[:3], turning])
 
 
 def _find_end_of_reach(
