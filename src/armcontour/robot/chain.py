@@ -180,7 +180,9 @@ class Chain(Checked):
     @property
     def external(self) -> tuple[int, ...]:
         """Indices of the external axes: prismatic joints, and a positioner's from the floor."""
-        return (*np.flatnonzero(self.slides).tolist(), *range(self.floor_link - 1, -1, -1))
+        first = self.floor_link
+        sliding = np.flatnonzero(self.slides[first:]) + first
+        return (*sliding.tolist(), *range(first - 1, -1, -1))
 
     @property
     def arm_branch(self) -> Chain:
@@ -213,6 +215,7 @@ class Chain(Checked):
             centers=centers,
             inertias=np.array([x.inertia for x in axes]),
             **{x: getattr(self, x)[:count][::-1] for x in ("armature", "viscous", "coulomb")},
+            prismatic=tuple(x.prismatic for x in axes),
             tip=Frame(position=-origins[-1]) @ self.base.inverse,
             gravity=self.gravity,
             payload=self.positioner.part,
@@ -224,7 +227,7 @@ class Chain(Checked):
         if self.positioner is not None:
             raise InvalidInput("The arm already has a positioner: add its rail first.")
         return self._with_first(
-            ("rail",), [rail], rail.origin, prismatic=True, positions=np.zeros((1, 3))
+            ("rail",), [rail], rail.origin, prismatic=(True,), positions=np.zeros((1, 3))
         )
 
     @checked
@@ -240,7 +243,7 @@ class Chain(Checked):
             tuple(x.name for x in axes),
             axes,
             -origins[-1],
-            prismatic=False,
+            prismatic=tuple(x.prismatic for x in axes),
             axes=-_directions(axes),
             positions=np.diff(origins, axis=0, prepend=0.0),
             # The bodies are in the first branch.
@@ -255,7 +258,7 @@ class Chain(Checked):
         added: Sequence[Rail | PositionerAxis],
         offset: FloatArray,
         *,
-        prismatic: bool,
+        prismatic: tuple[bool, ...],
         **changes: FloatArray,
     ) -> Chain:
         """Return the chain with joints put before its own, which move by `offset` [m], (3,)."""
@@ -274,7 +277,7 @@ class Chain(Checked):
         return self.replace(
             **{x: np.concatenate([first[x], rows]) for x, rows in own.items() if x in PER_JOINT},
             joints=(*names, *self.joints),
-            prismatic=(*[prismatic] * n, *own["prismatic"]),
+            prismatic=(*prismatic, *own["prismatic"]),
             held=held | {k + n: x for k, x in self.held.items()},
         )
 

@@ -93,7 +93,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
         InvalidInput: The file cannot be read or is not a valid description; a link does not exist;
             the tip is not specified and the description has neither `tool0` nor `flange`; a joint
             between base and tip is neither revolute nor prismatic, or mimics another joint; a joint
-            that moves the part is prismatic or also moves the tip; or a limit is missing or wrong.
+            that moves the part also moves the tip; or a limit is missing or wrong.
     """
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
@@ -172,12 +172,6 @@ def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joi
             "moves both. Choose another part or base."
         )
     _check_moving_joints(tree, joints, "part")
-    sliding = next((x.name for x in joints if x.kind == "prismatic"), None)
-    if sliding is not None:
-        raise InvalidInput(
-            f"Joint {sliding} of {tree.file} is prismatic, but the joints that move a part must be "
-            "revolute. Make it fixed in the file."
-        )
     return joints
 
 

@@ -120,7 +120,7 @@ class Description:
             **joint_rows(rows, np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
         )
         cell = arm.on_positioner(Positioner(axes=axes, tilt=tilt))
-        # An axis of a positioner has no friction.
+        # A Positioner has no friction.
         return cell.replace(viscous=rows.viscous, coulomb=rows.coulomb)
 
     def _positioner_axis(self, rows: Chain, limits: Limits, k: int, frame: Frame) -> PositionerAxis:
@@ -130,11 +130,15 @@ class Description:
             np.abs(limits.bounds(x, len(rows))).min(axis=0)[k]
             for x in ("joint_velocity", "joint_acceleration")
         )
-        if not np.isfinite([lower[k], upper[k], velocity, acceleration]).all():
+        slides = bool(rows.slides[k])
+        needed = [velocity, acceleration, *([lower[k], upper[k]] if slides else [])]
+        if not np.isfinite(needed).all():
+            words = "a range, a velocity and an acceleration" if slides else (
+                "a velocity and an acceleration"
+            )
             raise InvalidInput(
-                f"Joint {rows.joints[k]} of {self.tree.file} requires a range, a velocity and "
-                "an acceleration, because it moves the part. Specify them in the file (the "
-                "joint must not be continuous) or with joint_limits."
+                f"Joint {rows.joints[k]} of {self.tree.file} requires {words}, because it moves "
+                "the part. Specify them in the file or with joint_limits."
             )
         bodies = {}
         if rows.masses is not None:
@@ -148,10 +152,11 @@ class Description:
             name=rows.joints[k],
             axis=frame.rotation @ rows.axes[k],
             origin=frame.position,
-            lower=lower[k],
-            upper=upper[k],
+            lower=lower[k] if np.isfinite(lower[k]) else None,
+            upper=upper[k] if np.isfinite(upper[k]) else None,
             velocity=velocity,
             acceleration=acceleration,
+            prismatic=slides,
             **bodies,
         )
 

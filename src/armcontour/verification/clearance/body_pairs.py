@@ -73,11 +73,15 @@ class Pair:
         - `farthest`: largest distance of each joint from 0 [m or rad], (dof,).
         - `slides`: True for prismatic joints, (dof,).
         """
-        # Prismatic joints between a revolute joint and the second body move the body away from the
+        # Prismatic joints between a revolute joint and the moving body move the body away from the
         # axis of the revolute joint.
-        travel = farthest * slides * (np.arange(len(slides)) < self.second.link)
-        later_travel = np.cumsum(travel[::-1])[::-1] - travel
-        return self.radii + later_travel * (self.radii > 0) * ~slides
+        joints = np.arange(len(slides))
+        between = (self.first.link <= joints) & (joints < self.second.link)
+        travel = np.where(slides & between, farthest, 0.0)
+        before = np.cumsum(travel) - travel
+        first_moves = isinstance(self.second.shape, HalfSpace)
+        away = before if first_moves else travel.sum() - travel - before
+        return self.radii + away * (self.radii > 0) * ~slides
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
@@ -267,6 +271,9 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     radius = size
     for k in range(body.link, chain.floor_link):
         middle = chain.rotations[k].T @ (middle - chain.positions[k])
+        if slides[k]:
+            radii[k] = 1.0
+            continue
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = along
