@@ -620,8 +620,8 @@ def shift_by_turns(
     """Shift joint positions by whole turns into the ranges; also return whether all are inside.
 
     The shift is one per joint. It brings the positions as near as possible to `start`, or to the
-    middle of the ranges. A joint whose range has only one end is shifted into its range. Prismatic
-    joints are not shifted.
+    middle of the ranges. A joint whose range has only one end is shifted into its range. An axis of
+    a positioner that turns endlessly begins near 0. Prismatic joints are not shifted.
 
     Args:
         arm: The arm.
@@ -637,6 +637,9 @@ def shift_by_turns(
     lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
     highest = np.where(both, np.inf, np.floor((upper - high) / turn))
     turns = np.rint((middle - (low + high) / 2) / turn)
+    endless = np.isinf(lower) & np.isinf(upper)
+    endless[arm.chain.floor_link :] = False
+    turns[endless] = np.rint(-q[0, endless] / turn)
     shift = turn * np.minimum(np.maximum(turns, lowest), highest)
     if start is not None:
         nearest = turn * np.rint((start - q[0]) / turn)

@@ -281,6 +281,36 @@ class Chain(Checked):
             held=held | {k + n: x for k, x in self.held.items()},
         )
 
+    @checked
+    def with_base_moved(self, moved: Frame) -> Chain:
+        """Return the chain with the base of the arm, and its rail, moved in the cell.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0.
+        """
+        base = moved @ self.base
+        if self.positioner is None:
+            return self.replace(base=base)
+        # The axes do not move, so their coordinates in the frame of the base change.
+        seen = self.positioner.seen_from(self.base.inverse @ base)
+        axes = seen.axes[::-1]
+        count = self.floor_link
+        origins = np.array([x.origin for x in axes])
+        positions = np.array(self.positions)
+        positions[:count] = np.diff(origins, axis=0, prepend=0.0)
+        positions[count] += -origins[-1] - self.floor.position
+        directions = np.array(self.axes)
+        directions[:count] = -_directions(axes)
+        gravity = base.rotation.T @ self.base.rotation @ self.gravity
+        return self.replace(
+            positioner=seen,
+            axes=directions,
+            positions=positions,
+            floor=Frame(position=-origins[-1], rotation=self.floor.rotation),
+            base=base,
+            gravity=gravity,
+        )
+
     def without_held(self) -> Chain:
         """Return the chain for kinematics in which the held joints are rigid."""
         frames = []

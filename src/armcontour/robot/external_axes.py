@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
+from armcontour.core.frames import Frame
 from armcontour.core.quantities import (
     NO_KEY,
     Acceleration,
@@ -151,7 +152,8 @@ class PositionerAxis(Checked):
         called = f"the axis {self.name} of a positioner"
         if self.prismatic and (self.lower is None or self.upper is None):
             raise InvalidInput(
-                f"{capitalise(called)} slides, so it requires the ends lower and upper of its range."
+                f"{capitalise(called)} slides, so it requires the ends lower and upper of its "
+                "range."
             )
         _check_axis(called, "m" if self.prismatic else "rad", self)
         check_inertia(f"the body after {self.name}", self.inertia)
@@ -186,6 +188,28 @@ class Positioner(Checked):
     axes: Annotated[tuple[PositionerAxis, ...], Items(1, 6)]
     part: Payload | None = None
     tilt: Tilt | None = None
+
+    def seen_from(self, frame: Frame) -> Positioner:
+        """Return the positioner with its axes in the coordinates of another frame.
+
+        Args:
+            frame: The other frame, in the frame of the axes.
+        """
+        to_frame = frame.inverse
+        turned = to_frame.rotation
+        axes = []
+        for axis in self.axes:
+            center = None if axis.center is None else turned @ axis.center + to_frame.position
+            axes.append(
+                replace(
+                    axis,
+                    axis=turned @ axis.axis,
+                    origin=turned @ axis.origin + to_frame.position,
+                    center=center,
+                    inertia=turned @ axis.inertia @ turned.T,
+                )
+            )
+        return replace(self, axes=tuple(axes))
 
     def _check_together(self) -> None:
         names = [x.name for x in self.axes]

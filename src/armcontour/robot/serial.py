@@ -21,8 +21,8 @@ from armcontour.robot.external_axes import FIELDS, Positioner, PositionerAxis, R
 from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
 
 if TYPE_CHECKING:
-    from armcontour.robot.tool_turning import ToolTurning
     from armcontour.robot.scene import ArmShapes
+    from armcontour.robot.tool_turning import ToolTurning
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
@@ -140,6 +140,25 @@ class SerialArm(Arm):
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
     @checked
+    def with_base_moved(self, moved: Pose) -> SerialArm:
+        """Return the arm with its base, and its rail, moved in the cell.
+
+        The part and a positioner stay. The bodies on the floor move with the base.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0: a
+                Frame, a 4 by 4 transform, a pinocchio.SE3 or a position [m].
+        """
+        frame = Frame.from_pose(moved)
+        chain = self.chain.with_base_moved(frame)
+        arm = self._with(chain, "closed_form")
+        if chain.positioner is None or not self.knows_shapes:
+            return arm
+        base = self.chain.base
+        seen = (base.inverse @ frame @ base).inverse
+        return arm.with_shapes(partial(_seen_from_floor, self, chain.floor, seen))
+
+    @checked
     def with_rail(self, rail: Rail) -> SerialArm:
         """Return the arm on a rail, which is its first joint.
 
@@ -254,6 +273,29 @@ class SerialArm(Arm):
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
         return arm
+
+
+def _seen_from_floor(arm: SerialArm, floor: Frame, seen: Frame) -> ArmShapes:
+    """Return the shapes of an arm whose floor has moved against its positioner.
+
+    - `floor`: the new frame of the floor in the frame of its link.
+    - `seen`: the previous floor in the frame of the new one.
+    """
+    shapes = arm.shapes
+    assert shapes is not None
+    placed = []
+    for shape in shapes.shapes:
+        place = shape.place
+        # The frames of the axes are parallel to the floor, and their origins do not move. Link 0 is
+        # the table, whose frame is that of the floor with the axes at 0.
+        if shape.link == 0:
+            place = seen @ place
+        elif shape.link < arm.chain.floor_link:
+            place = Frame(rotation=seen.rotation) @ place
+        elif shape.link == arm.chain.floor_link:
+            place = floor @ arm.chain.floor.inverse @ place
+        placed.append(replace(shape, place=place))
+    return replace(shapes, shapes=tuple(placed))
 
 
 def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:

@@ -133,8 +133,10 @@ class Description:
         slides = bool(rows.slides[k])
         needed = [velocity, acceleration, *([lower[k], upper[k]] if slides else [])]
         if not np.isfinite(needed).all():
-            words = "a range, a velocity and an acceleration" if slides else (
-                "a velocity and an acceleration"
+            words = (
+                "a range, a velocity and an acceleration"
+                if slides
+                else ("a velocity and an acceleration")
             )
             raise InvalidInput(
                 f"Joint {rows.joints[k]} of {self.tree.file} requires {words}, because it moves "
