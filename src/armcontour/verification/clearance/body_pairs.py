@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Arm, Chain
-from armcontour.robot.chain import joint_frames, link_table
+from armcontour.robot.chain import joint_frames, link_poses, link_table
 from armcontour.robot.kernels import frames_of
 from armcontour.robot.scene import (
     BASE,
@@ -44,6 +44,8 @@ MOUNTING = "mounting"
 FIRST_RAISED = 2
 # Depth from which a link counts as below the mounting plane [m].
 BELOW = 1e-3
+# A prismatic joint slides along a plane if the sine of its angle to the plane is below this.
+ALONG_PLANE = 1e-6
 # Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
 # Reason to exclude a pair of links that touch in all tried postures.
@@ -97,6 +99,8 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
             reason = "both are fixed"
         elif allowed:
             reason = f"{first.name} allows it to touch"
+        elif _slides_along(chain, first, second):
+            reason = f"it only slides along the plane of {first.name}"
         else:
             pairs.append(_make_pair(radii_of, first, second, kind, margin))
             continue
@@ -138,6 +142,22 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
             "(arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes
+
+
+def _slides_along(chain: Chain, obstacle: LinkShape, body: LinkShape) -> bool:
+    """Return whether a body only slides along the plane of an obstacle, such as on a rail.
+
+    Their distance is then that of their construction, and no motion changes it.
+    """
+    if not isinstance(obstacle.shape, HalfSpace) or body.tool:
+        return False
+    first, last = sorted((obstacle.link, body.link))
+    if not chain.slides[first:last].all():
+        return False
+    turned = link_poses(chain, np.zeros((1, len(chain))))[0, :, :, :3]
+    directions = np.einsum("kij,kj->ki", turned[first + 1 : last + 1], chain.axes[first:last])
+    normal = turned[obstacle.link] @ obstacle.place.rotation[:, 2]
+    return bool((np.abs(directions @ normal) < ALONG_PLANE).all())
 
 
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
