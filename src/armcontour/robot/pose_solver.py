@@ -16,7 +16,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
-from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
+from armcontour.robot.kernels import FACTOR, LEADER, SLIDES, Vector, add, cross, write_frames
 
 # In all tolerances of joints, a metre of a prismatic joint counts as a radian, because levers of
 # arms are about 1 m long.
@@ -146,7 +146,7 @@ def write_task(
 class PoseEquations(NamedTuple):
     """Work arrays for the equations of one pose."""
 
-    frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
+    frames: FloatArray  # Frames of the joints and of the tool, (rows, 3, 4)
     rows: FloatArray  # Derivative of the tool pose by q, (task, dof) or more rows
     error: FloatArray  # Pose error, (task,) or longer
 
@@ -162,30 +162,38 @@ def write_equations(
     between the tool axes along the target's x and y axes [rad]. For task 4 the other is the
     component of the rotation vector along the axis of the first revolute joint [rad].
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad or m], (dof,).
     - `target`: (3, 4).
     """
-    dof = len(q)
+    last = len(links) - 1
     rows = out.rows
     frames = out.frames
     write_frames(links, q, frames)
-    pose = frames[dof]
-    for k in range(dof):
-        axis = column(frames[k], 2)
-        lever = add(column(pose, 3), -1.0, column(frames[k], 3))
+    pose = frames[last]
+    for r in range(task):
+        for k in range(len(q)):
+            rows[r, k] = 0.0
+    for j in range(last):
+        axis = column(frames[j], 2)
+        lever = add(column(pose, 3), -1.0, column(frames[j], 3))
         move = cross(axis, lever)
-        if links[k, SLIDES] != 0.0:
+        if links[j, SLIDES] != 0.0:
             move = axis
             axis = (0.0, 0.0, 0.0)
-        rows[0, k], rows[1, k], rows[2, k] = move
+        # Joints that follow another one add their motion to its column.
+        k = int(links[j, LEADER])
+        factor = links[j, FACTOR]
+        for r in range(3):
+            rows[r, k] += factor * move[r]
         if task == 6:
-            rows[3, k], rows[4, k], rows[5, k] = axis
+            for r in range(3):
+                rows[3 + r, k] += factor * axis[r]
         elif task == 5:
-            rows[3, k] = dot(column(target, 0), axis)
-            rows[4, k] = dot(column(target, 1), axis)
+            rows[3, k] += factor * dot(column(target, 0), axis)
+            rows[4, k] += factor * dot(column(target, 1), axis)
         elif task == 4:
-            rows[3, k] = dot(column(frames[first_revolute(links)], 2), axis)
+            rows[3, k] += factor * dot(column(frames[first_revolute(links)], 2), axis)
     turn = (0.0, 0.0, 0.0)
     cosine = 0.0
     whole = task == 6 or task == 4
@@ -220,7 +228,7 @@ def solve_poses(
     the guide equations `w (q + dq) = w g`. The guide equations use only w[:, 0] and g[:, 0];
     derivatives in w[:, 1:] and g[:, 1:] are ignored.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `task`: task dimension.
     - `q`: initial guesses [rad], (n, dof); overwritten.
     - `targets`: target poses, (n, 3, 4).
@@ -230,7 +238,7 @@ def solve_poses(
     converged = np.empty(n, np.bool_)
     a = np.empty((dof, dof))
     b = np.empty(dof)
-    equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
+    equations = PoseEquations(np.empty((len(links), 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
         for _ in range(MAX_NEWTON_ITERATIONS):
@@ -290,7 +298,7 @@ def path_derivatives(
     the orientation are `x . omega = x . turn` for the target's x and y axes, which rotate with the
     target.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions at the poses [rad], (n, dof).
     - `targets`: (n, 3, 4).
     - `rates`: `PathRates` of the targets, (n, 4, 3).
@@ -301,7 +309,7 @@ def path_derivatives(
     dq_ds = np.empty((n, dof))
     d2q_ds2 = np.empty((n, dof))
     pivot_ratio = np.empty(n)
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     a = np.empty((dof, dof))
     b = np.empty(dof)
     copy = np.empty((dof, dof))
@@ -350,31 +358,31 @@ def write_second_task(
     task: int,
     frames: FloatArray,
     target: FloatArray,
-    rate: PathRates,
+    path_rates: PathRates,
     b: FloatArray,
 ) -> None:
     """Replace dq, (dof,), by the target's acceleration less the tool's for `ddq = 0`, (task,)."""
-    dof = len(b)
     # Angular velocity of the tool, and its acceleration and angular acceleration for ddq = 0,
     # from joint to joint
     turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
-    for k in range(dof):
+    for k in range(len(links) - 1):
         # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
         axis = column(frames[k], 2)
+        rate = links[k, FACTOR] * b[int(links[k, LEADER])]
         if links[k, SLIDES] != 0.0:
             # The Coriolis acceleration is 2 omega x axis dq; it does not turn later links.
-            tool_acceleration = add(tool_acceleration, 2.0 * b[k], cross(turned, axis))
+            tool_acceleration = add(tool_acceleration, 2.0 * rate, cross(turned, axis))
         else:
-            twisted = add(twisted, b[k], cross(turned, axis))
-            turned = add(turned, b[k], axis)
+            twisted = add(twisted, rate, cross(turned, axis))
+            turned = add(turned, rate, axis)
         lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
         tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
         tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
     # The tool may rotate about its axis at another rate than the target, so the difference of the
     # angular velocities is along the tool axis.
-    free = cross(add(rate.turn, -1.0, turned), rate.turn)
-    twist = add(add(rate.twist, -1.0, twisted), 1.0, free)
-    acceleration = add(rate.acceleration, -1.0, tool_acceleration)
+    free = cross(add(path_rates.turn, -1.0, turned), path_rates.turn)
+    twist = add(add(path_rates.twist, -1.0, twisted), 1.0, free)
+    acceleration = add(path_rates.acceleration, -1.0, tool_acceleration)
     write_task(links, task, frames, target, acceleration, twist, b)
 
 
@@ -383,10 +391,10 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     """Return an orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
 
     For task 5 the tool may rotate about its axis, for task 3 about the tool point. Joints of an arm
-    with task 4 cannot rotate the tool about other directions. The basis is
-    made by Gram-Schmidt orthogonalization.
+    with task 4 cannot rotate the tool about other directions. The basis is made by Gram-Schmidt
+    orthogonalization.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad], (n, dof).
     - `targets`: (n, 3, 4).
     """
@@ -394,7 +402,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     basis = np.empty((n, dof - task, dof))
     rows = np.empty((dof, dof))
     residual = np.empty(dof)
-    equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    equations = PoseEquations(np.empty((len(links), 3, 4)), rows, np.empty(dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
@@ -475,13 +483,13 @@ def approach(
     Steps are those of `write_shortest_step` (Wampler, IEEE Trans. Syst. Man Cybern. 16, 93-101,
     1986). The damping decreases after a step that reduces the error, and increases otherwise.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `target`: (3, 4).
     - `q`: initial positions, (n, dof); overwritten.
     - `weight`: weight of a radian relative to a metre [m/rad].
     """
     n, dof = q.shape
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     square = np.empty((6, 6))
     right = np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -570,7 +578,7 @@ def follow(
     - `reached`: output, number of reached poses of each branch, with the first.
     """
     branches, n, dof = q.shape
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     square = np.empty((6, 6))
     right = np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))

@@ -100,6 +100,9 @@ class SerialArm(Arm):
     @cached_property
     def moves_in_a_plane(self) -> bool:
         """True if the joints move the tool in a plane only."""
+        if self.chain.followers:
+            # Linkages move the tool along circles, whose planes the axes do not tell.
+            return False
         jacobian = self.jacobian(np.zeros(self.dof))
         slides = self.chain.slides
         # The angular part of the Jacobian has the revolute joint axes as columns.

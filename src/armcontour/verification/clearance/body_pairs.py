@@ -278,15 +278,19 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     middle, size = body.shape.ball
     start = middle = body.place.position + body.place.rotation @ middle
     radius = size
-    for k in range(body.link - 1, -1, -1):
+    rows = chain.rows
+    last = chain.joint_row[body.link - 1] if body.link else -1
+    for row in rows[last::-1] if body.link else ():
         # A ball about a point on the axis contains the body at any joint position.
-        if slides[k]:
-            radii[k] = 1.0
-            middle = chain.positions[k] + chain.rotations[k] @ middle
+        if row.slides:
+            radii[row.leader] += 1.0
+            middle = row.place.position + row.place.rotation @ middle
             continue
-        along = chain.axes[k] * float(chain.axes[k] @ middle)
-        radii[k] = radius = radius + float(np.linalg.norm(middle - along))
-        middle = chain.positions[k] + chain.rotations[k] @ along
+        along = row.axis * float(row.axis @ middle)
+        radius = radius + float(np.linalg.norm(middle - along))
+        # Joints that follow another one add their speed to that of this joint.
+        radii[row.leader] += abs(row.factor) * radius
+        middle = row.place.position + row.place.rotation @ along
     middle = start
     radius = size
     for k in range(body.link, chain.floor_link):
@@ -314,6 +318,7 @@ class Distances:
             bodies[id(pair.second)] = pair.second
         places = {key: k for k, key in enumerate(bodies)}
         self._links = link_table(chain)
+        self._rows = [*chain.joint_row, -1]
         self._base = chain.base.matrix
         self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
@@ -387,7 +392,7 @@ class Distances:
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Return the placements of all bodies in the work frame, (n, bodies, 3, 4)."""
-        joints = frames_of(self._links, kernel_array(q))
+        joints = frames_of(self._links, kernel_array(q))[:, self._rows]
         # The base (link 0) is stored at index -1, in place of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
