@@ -20,6 +20,10 @@ SEARCH_WEIGHT = 0.5
 # Weight of a radian relative to a metre in the search for the reachable tool point nearest to a
 # pose [m/rad].
 REACH_WEIGHT = 10.0
+# The same weight in the search for the smallest angle at a position [m/rad], and the distance at
+# which the position is reached [m].
+ANGLE_WEIGHT = 1e-3
+SAME_POSITION = 1e-4
 # Largest number of steps in each search.
 MAX_SEARCH_STEPS = 200
 # Number of joint positions at which the search for the nearest reachable tool point starts.
@@ -120,6 +124,25 @@ def out_of_reach(arm: Arm, poses: FloatArray, task: int, q: FloatArray) -> Float
         q: Joint positions at which the search starts [rad], (k, dof).
     """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
+
+
+def smallest_angle(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> float:
+    """Return the tool's smallest angle to a required orientation [rad], at the required position.
+
+    Infinite if no search reaches the position.
+
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions at which the search starts [rad], (k, dof).
+    """
+    target = np.ascontiguousarray(pose)
+    errors = pose_solver.approach(
+        arm.link_table, task, target, q.copy(), ANGLE_WEIGHT, MAX_SEARCH_STEPS
+    )
+    angles = errors[errors[:, 0] < SAME_POSITION, 1]
+    return float(angles.min(initial=np.inf))
 
 
 def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:

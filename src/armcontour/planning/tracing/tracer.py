@@ -569,6 +569,7 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import name_cause
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
@@ -579,8 +580,14 @@ def _trace_serial(
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
     near = None if seed is None else seed[joints]
-    solutions = find_solutions(path, moving, knots, poses, task, near)
-    return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    try:
+        solutions = find_solutions(path, moving, knots, poses, task, near)
+        return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others.
+        if seed is not None:
+            raise
+        raise name_cause(error, path, arm, task) from None
 
 
 def _refine_solution(
