@@ -66,6 +66,7 @@ class Relaxation:
 
     kind: str  # "range", "hold", "tilt" or "rotation"
     joint: int = -1  # Index of the joint; -1 for the tilt
+    together: tuple[int, ...] = ()  # Indices of all joints that must be released
     s: float = 0.0  # Arc length at which the needed value is reached [m]
     s_first: float = 0.0  # Arc length at which the range is left first [m]
     least: float = 0.0  # Smallest position of the joint along the path [rad]
@@ -151,15 +152,18 @@ def _released(path: Path, arm: SerialArm, task: int) -> Iterator[Relaxation]:
     """Yield the held axes whose release makes the path feasible."""
     held = list(arm.chain.held)
     groups = [(k,) for k in held]
+    released: set[int] = set()
     for group in [*groups, tuple(held)] if len(held) > 1 else groups:
+        if len(group) > 1 and released:
+            return
         freed = arm.without_held(group)
         rest = [k for k in range(arm.dof) if k not in held or k in group]
         study = _Study.of(path, freed, task)
         if not study.is_feasible:
             continue
+        released.update(group)
         for k in group:
-            yield study.hold(rest.index(k), k, arm.chain.held[k])
-        return
+            yield replace(study.hold(rest.index(k), k, arm.chain.held[k]), together=group)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

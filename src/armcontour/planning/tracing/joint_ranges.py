@@ -79,7 +79,9 @@ def out_of_range(
 
 def called(arm: Arm, joint: int) -> str:
     """Return number and name of a joint for messages, such as "joint 1 (turn)"."""
-    return f"joint {joint + 1} ({arm.joint_names[joint]})"
+    number_only = f"joint {joint + 1}"
+    name = arm.joint_names[joint]
+    return number_only if name == number_only else f"{number_only} ({name})"
 
 
 def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:

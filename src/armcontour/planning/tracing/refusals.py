@@ -191,7 +191,8 @@ def _refuse_stop(
     """
     value, joint = smallest_singular_value(arm, pose, task, q)
     if value <= SINGULAR:
-        raise singular(path, arm, Singularity(s=s, joint=joint, value=value))
+        place = Singularity(s=s, joint=joint, value=value)
+        raise singular(path, arm, place, suggest_remedy(path))
     raise Unreachable(
         f"After {s:.6g} m of {path.length:.6g} m along the path, no continuous motion of the arm "
         f"{arm.name} goes on, though each pose is within reach (the smallest singular value is "
@@ -202,12 +203,12 @@ def _refuse_stop(
     )
 
 
-def singular(path: Path, arm: SerialArm, place: Singularity, also: str = "") -> Unreachable:
-    """Make the error for a singularity on the path; `also` is added to the remedies."""
+def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unreachable:
+    """Make the error for a singularity on the path, with a remedy without a period."""
     return Unreachable(
         f"At {place.s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
         f"singularity, at which {called(arm, place.joint)} would need an unlimited velocity "
-        f"(smallest singular value {place.value:.2g}). {suggest_remedy(path)}{also}.",
+        f"(smallest singular value {place.value:.2g}). {remedy}.",
         s=place.s,
         point=path(place.s).tolist(),
         joint=place.joint,
@@ -227,34 +228,47 @@ def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unr
         return error
     findings = find_causes(path, arm, task)
     if findings.singularity is not None:
-        others = " or ".join(_remedy(arm, x) for x in findings.relaxations[:MOST_REMEDIES])
-        also = f". This also works: {others}" if others else ""
-        return singular(path, arm, findings.singularity, also)
+        if not findings.relaxations:
+            return singular(path, arm, findings.singularity, suggest_remedy(path))
+        return singular(path, arm, findings.singularity, _remedies(arm, findings.relaxations))
     if findings.relaxations and findings.relaxations[0].kind != "rotation":
-        return _refusal(path, arm, findings.relaxations)
+        return _refusal(path, arm, findings.relaxations, _remedies(arm, findings.relaxations))
     if is_far or findings.is_feasible or not findings.strained:
         return error
-    return _refusal(path, arm, findings.strained[:1], several=len(findings.strained) > 1)
+    remedy = "Move the path or the arm"
+    if len(findings.strained) > 1:
+        also = _excesses(arm, findings.strained[1 : MOST_REMEDIES + 1])
+        remedy = f"A larger range alone does not suffice: {also}. {remedy}"
+    return _refusal(path, arm, findings.strained, remedy)
+
+
+def _remedies(arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
+    """Return what makes the path feasible, as a sentence without a period."""
+    tried = list(dict.fromkeys(_remedy(arm, x) for x in relaxations))[:MOST_REMEDIES]
+    return f"{capitalise(', or '.join(tried))}, or move the path or the arm"
+
+
+def _excesses(arm: SerialArm, causes: Sequence[Relaxation]) -> str:
+    """Return by how much several ranges, or the tilt, are exceeded as well."""
+    parts = []
+    for cause in causes:
+        name = "the tilt" if cause.kind == "tilt" else called(arm, cause.joint)
+        unit = "rad" if cause.kind == "tilt" else arm.chain.unit("rad", cause.joint)
+        excess = number(abs(cause.needed - cause.allowed), unit)
+        parts.append(f"{name} would exceed its limit by {excess}")
+    return ", and ".join(parts)
 
 
 def _refusal(
-    path: Path, arm: SerialArm, relaxations: Sequence[Relaxation], *, several: bool = False
+    path: Path, arm: SerialArm, relaxations: Sequence[Relaxation], remedy: str
 ) -> Unreachable:
-    """Make the error for the first of several relaxations; the others are further remedies.
-
-    - `several`: true if other ranges are exceeded as well, so that this relaxation alone does not
-      suffice.
-    """
+    """Make the error for the first of several relaxations, with a remedy without a period."""
     first = relaxations[0]
-    tried = [_remedy(arm, x) for x in relaxations[:MOST_REMEDIES]]
-    fix = f"{capitalise(' or '.join(tried))}, or move the path or the arm"
-    if several:
-        fix = "Other ranges are exceeded as well. Move the path or the arm"
     limit = first.kind
     if first.kind == "range":
         limit = "joint_upper" if first.needed > first.allowed else "joint_lower"
     return Unreachable(
-        f"{_describe(path, arm, first)}. {fix}.",
+        f"{_describe(path, arm, relaxations)}. {remedy}.",
         s=first.s,
         point=path(first.s).tolist(),
         joint=first.joint if first.joint >= 0 else None,
@@ -264,8 +278,9 @@ def _refusal(
     )
 
 
-def _describe(path: Path, arm: SerialArm, cause: Relaxation) -> str:
-    """Describe a cause in a sentence without a period."""
+def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
+    """Describe the first of several relaxations in a sentence without a period."""
+    cause = relaxations[0]
     place = f"At {cause.s:.6g} m of {path.length:.6g} m along the path"
     if cause.kind == "tilt":
         return (
@@ -275,10 +290,17 @@ def _describe(path: Path, arm: SerialArm, cause: Relaxation) -> str:
     unit = arm.chain.unit("rad", cause.joint)
     name = called(arm, cause.joint)
     if cause.kind == "hold":
-        return (
+        words = (
             f"{place} {name} would have to be at {number(cause.needed, unit)}, but `hold` keeps it "
             f"at {number(cause.allowed, unit)}"
         )
+        for tilt in relaxations:
+            if tilt.kind == "tilt":
+                words += (
+                    f", where the tool axis is up to {number(tilt.needed, 'rad')} from gravity "
+                    f"(the tilt of the positioner allows {number(tilt.allowed, 'rad')})"
+                )
+        return words
     end = "upper" if cause.needed > cause.allowed else "lower"
     words = (
         f"{place} {name} would have to be at {number(cause.needed, unit)}, "
@@ -303,13 +325,13 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
         return f"specify a tilt of at least {_above(cause.needed, 'rad')}"
     name = called(arm, cause.joint)
     if cause.kind == "hold":
-        return f"do not hold {name}"
+        return f"do not hold {' and '.join(called(arm, k) for k in cause.together)}"
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
     ends = [_above(-least, unit, -1.0)] if least < cause.lower else []
     ends += [_above(most, unit)] if most > cause.upper else []
-    return f"let {name} move to {' and '.join(ends)}"
+    return f"let {name} move to {' and to '.join(ends)}"
 
 
 def _above(value: float, unit: str, sign: float = 1.0) -> str:
