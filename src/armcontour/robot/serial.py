@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -202,11 +202,15 @@ class SerialArm(Arm):
         arm = self._with_chain(chain, limits, assumed)
         return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
 
-    def without_held(self) -> SerialArm:
-        """Return the arm for kinematics in which the held joints are rigid."""
-        moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
+    def without_held(self, released: Collection[int] = ()) -> SerialArm:
+        """Return the arm for kinematics in which the held joints are rigid.
+
+        - `released`: indices of held joints that move in this arm.
+        """
+        held = {k: x for k, x in self.chain.held.items() if k not in released}
+        moving = np.setdiff1d(np.arange(self.dof), list(held))
         limits = select_joints(self.limits, moving)
-        return self._with_chain(self.chain.without_held(), limits, None)
+        return self._with_chain(self.chain.replace(held=held).without_held(), limits, None)
 
     @cached_property
     def from_floor(self) -> SerialArm:

@@ -123,6 +123,13 @@ class Solver(ABC, Generic[A]):
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
 
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m].
+
+        An arm in the plane stops only where it is singular.
+        """
+        return 0.0
+
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
         return start, end
@@ -205,8 +212,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         coarse = knots.part(too_coarse)
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
-            s_singular = float(coarse.s0[small[0]])
-            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
+            first = small[0]
+            refuse_stop(solver, float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -227,14 +234,24 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
-def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Raise Unreachable at a point of the path at which the joints have no unique motion.
+def refuse_stop(solver: Solver[Any], s: float, *q: FloatArray) -> NoReturn:
+    """Raise Unreachable at a point of the path behind which the joint path does not go on.
 
     - `s`: arc length of the point [m].
-    - `state`: state of the arm at the point, such as "is singular".
+    - `q`: joint positions near the point [rad], (dof,) each.
     """
+    from armcontour.planning.tracing.causes import SINGULAR
+
     path = solver.path
     point = solver.path(s).tolist()
+    value = min(solver.smallest_singular_value(s, x) for x in q if np.isfinite(x).all())
+    is_singular = value <= SINGULAR
+    state = "is singular"
+    if not is_singular:
+        state = (
+            "would have to jump between configurations, though it is not singular (smallest "
+            f"singular value {value:.2g})"
+        )
     raise Unreachable(
         describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
@@ -242,7 +259,7 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
         f"{suggest_remedy(path)}.",
         point=point,
         s=s,
-        limit="singularity",
+        limit="singularity" if is_singular else "continuity",
     )
 
 
@@ -274,7 +291,9 @@ class NumericSolver(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+            assert guess is not None
+            first = int(np.argmax(bad))
+            refuse_stop(self, float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -287,6 +306,14 @@ class NumericSolver(Solver[SerialArm]):
         if self.task in WHOLE_ROTATIONS:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
+
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m]."""
+        from armcontour.planning.tracing.causes import smallest_singular_value
+        from armcontour.planning.tracing.strained_postures import targets_at
+
+        pose = targets_at(self.path, np.array([s]))[0]
+        return smallest_singular_value(self.arm, pose, self.task, q)[0]
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -573,6 +600,7 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import name_cause
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
@@ -584,8 +612,14 @@ def _trace_serial(
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
     near = None if seed is None else seed[joints]
-    solutions = find_solutions(turned, moving, knots, poses, task, near)
-    return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    try:
+        solutions = find_solutions(turned, moving, knots, poses, task, near)
+        return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others.
+        if seed is not None:
+            raise
+        raise name_cause(error, turned, arm, task) from None
 
 
 def _refine_solution(
