@@ -467,7 +467,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
     orientation = Orientation.even(path.lengths, starts, rates, axis_only=axis_only)
-    return replace(path, orientation=orientation)
+    cone = min(x.cone for x, _ in orientations) if axis_only else 0.0
+    return replace(path, orientation=orientation.with_cone(cone))
 
 
 def trace_by_duration(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
@@ -40,6 +41,16 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
+from armcontour.planning.tracing.two_axis_head import (
+    HEAD_FINER,
+    HEAD_TOLERANCE,
+    Head,
+    comes_near_pole,
+    guide_head,
+    head_of,
+    stations_of,
+)
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
 if TYPE_CHECKING:
@@ -58,6 +69,9 @@ A = TypeVar("A", bound=Arm, covariant=True)
 ANGULAR_TOLERANCE = 1e-9
 # Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR_JACOBIAN = 1e-9
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
@@ -568,19 +582,68 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
-    from armcontour.planning.tracing.branch_solutions import find_solutions
-
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
+    near = None if seed is None else seed[joints]
+    exact = partial(_trace_exactly, path, arm, task, near, tolerance, max_count)
+    head = head_of(moving) if task == AXIS_TASK else None
+    if head is None or not comes_near_pole(path, head):
+        return exact()
+    # Near the pole the exact joint path turns the first axis far or does not exist.
+    try:
+        steady = [_trace_head(path, arm, head, near, tolerance)]
+    except Unreachable:
+        return exact()
+    if max_count == 1:
+        return steady
+    with suppress(Unreachable):
+        return [*steady, *exact()]
+    return steady
+
+
+def _trace_exactly(
+    path: Path,
+    arm: SerialArm,
+    task: int,
+    seed: FloatArray | None,
+    tolerance: float,
+    max_count: int | None,
+) -> list[JointPath]:
+    """Trace a path in the configurations in which the tool has the required orientation.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
+    from armcontour.planning.tracing.branch_solutions import find_solutions
+
+    moving, _ = _moving(arm)
     knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(path, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
-    near = None if seed is None else seed[joints]
-    solutions = find_solutions(path, moving, knots, poses, task, near)
+    solutions = find_solutions(path, moving, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
+
+
+def _trace_head(
+    path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, tolerance: float
+) -> JointPath:
+    """Trace a path with a head near its pole; the tool axis is within a tolerance.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
+    moving, _ = _moving(arm)
+    cone = max(HEAD_TOLERANCE, cone_of(path))
+    knots = first_knots(path, arm.span, HEAD_FINER)
+    s = np.append(knots.s0, path.length)
+    poses = row_of_poses(path, knots)
+    stations = stations_of(s, poses[:, :, 2], path.stops)
+    guide, q = guide_head(moving, head, s[stations], poses[stations], path.stops, cone, seed)
+    between = np.stack([np.interp(s, s[stations], x) for x in q.T], axis=1)
+    joint_path = _refine_guided(path, arm, knots, between, POSITION_TASK, guide, tolerance)
+    check_cone(joint_path, arm, cone)
+    return joint_path
 
 
 def _refine_solution(
@@ -600,13 +663,31 @@ def _refine_solution(
     """
     from armcontour.planning.tracing.smoothing import null_space
 
-    moving, joints = _moving(arm)
+    moving, _ = _moving(arm)
     task = task_dimension(path, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
+    return _refine_guided(path, arm, knots, q, task, guide, tolerance)
+
+
+def _refine_guided(
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    q: FloatArray,
+    task: int,
+    guide: Guide | None,
+    tolerance: float,
+) -> JointPath:
+    """Refine joint positions near those at knots to a joint path, and check its ranges.
+
+    - `q`: as in `_refine_solution`.
+    - `task`: task dimension; the guide determines the other motions.
+    """
+    moving, joints = _moving(arm)
     numeric = NumericSolver(path, moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
     if moving is not arm:
