@@ -322,7 +322,7 @@ class _Tracer:
         if end is None:
             return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.arm, **configuration_of(self.arm, end))
+            return self._continue(path, i, end)
         except Unreachable as error:
             if self.start is not None and not self.done:
                 raise error.with_location(IN_START_CONFIGURATION) from None
@@ -331,6 +331,14 @@ class _Tracer:
             if i not in self.fastest:
                 self.fastest[i] = self._fastest(path, i)
             return self.fastest[i]
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
@@ -41,16 +40,6 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
-from armcontour.planning.tracing.tool_cone import check_cone, cone_of
-from armcontour.planning.tracing.two_axis_head import (
-    HEAD_FINER,
-    HEAD_TOLERANCE,
-    Head,
-    comes_near_pole,
-    guide_head,
-    head_of,
-    stations_of,
-)
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
 if TYPE_CHECKING:
@@ -434,7 +423,7 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     task = task_dimension(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
@@ -445,7 +434,7 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
@@ -534,9 +523,12 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
 
 
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
-    """Test whether the joints of an arm that are not held can move while the tool rests."""
-    moving, _ = _moving(arm)
-    return task_dimension(path, moving) < moving.dof
+    """Test whether the joints of an arm that are not held can move while the tool point rests."""
+    from armcontour.planning.tracing.leaning import may_lean
+
+    moving, _ = without_held(arm)
+    task = task_dimension(path, moving)
+    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -554,7 +546,7 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
-    _, joints = _moving(arm)
+    moving, joints = without_held(arm)
     knots = first_knots(path, arm.span, FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
@@ -563,7 +555,13 @@ def _trace_near(
         knots = knots.halve(split, u)[0]
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
-    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+    poses = row_of_poses(path, knots)
+    if task_dimension(path, moving) == AXIS_TASK:
+        from armcontour.planning.tracing.leaning import leans, trace_leaning
+
+        if leans(moving, poses, q):
+            return trace_leaning(path, arm, knots, poses, q)
+    return _refine_solution(path, arm, knots, poses, q)
 
 
 def _trace_planar(
@@ -582,23 +580,15 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     task = task_dimension(path, moving)
     near = None if seed is None else seed[joints]
-    exact = partial(_trace_exactly, path, arm, task, near, tolerance, max_count)
-    head = head_of(moving) if task == AXIS_TASK else None
-    if head is None or not comes_near_pole(path, head):
-        return exact()
-    # Near the pole the exact joint path turns the first axis far or does not exist.
-    try:
-        steady = [_trace_head(path, arm, head, near, tolerance)]
-    except Unreachable:
-        return exact()
-    if max_count == 1:
-        return steady
-    with suppress(Unreachable):
-        return [*steady, *exact()]
-    return steady
+    if task == AXIS_TASK:
+        from armcontour.planning.tracing.leaning import attempts, may_lean
+
+        if may_lean(path, moving):
+            return _complete(attempts(path, arm, near, tolerance), max_count)
+    return _trace_exactly(path, arm, task, near, tolerance, max_count)
 
 
 def _trace_exactly(
@@ -615,7 +605,7 @@ def _trace_exactly(
     """
     from armcontour.planning.tracing.branch_solutions import find_solutions
 
-    moving, _ = _moving(arm)
+    moving, _ = without_held(arm)
     knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(path, knots)
 
@@ -624,26 +614,6 @@ def _trace_exactly(
 
     solutions = find_solutions(path, moving, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
-
-
-def _trace_head(
-    path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, tolerance: float
-) -> JointPath:
-    """Trace a path with a head near its pole; the tool axis is within a tolerance.
-
-    - `seed`: as in `trace`, for the joints that are not held, (joints,).
-    """
-    moving, _ = _moving(arm)
-    cone = max(HEAD_TOLERANCE, cone_of(path))
-    knots = first_knots(path, arm.span, HEAD_FINER)
-    s = np.append(knots.s0, path.length)
-    poses = row_of_poses(path, knots)
-    stations = stations_of(s, poses[:, :, 2], path.stops)
-    guide, q = guide_head(moving, head, s[stations], poses[stations], path.stops, cone, seed)
-    between = np.stack([np.interp(s, s[stations], x) for x in q.T], axis=1)
-    joint_path = _refine_guided(path, arm, knots, between, POSITION_TASK, guide, tolerance)
-    check_cone(joint_path, arm, cone)
-    return joint_path
 
 
 def _refine_solution(
@@ -663,17 +633,17 @@ def _refine_solution(
     """
     from armcontour.planning.tracing.smoothing import null_space
 
-    moving, _ = _moving(arm)
+    moving, _ = without_held(arm)
     task = task_dimension(path, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
-    return _refine_guided(path, arm, knots, q, task, guide, tolerance)
+    return refine_guided(path, arm, knots, q, task, guide, tolerance)
 
 
-def _refine_guided(
+def refine_guided(
     path: Path,
     arm: SerialArm,
     knots: Knots,
@@ -687,7 +657,7 @@ def _refine_guided(
     - `q`: as in `_refine_solution`.
     - `task`: task dimension; the guide determines the other motions.
     """
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     numeric = NumericSolver(path, moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
     if moving is not arm:
