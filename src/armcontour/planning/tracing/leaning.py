@@ -48,8 +48,6 @@ from armcontour.robot import SerialArm
 # Shares of a cone, or of a head's tolerance, that are used at the stations. The next one is tried if
 # the tool leans too far between the stations.
 SHARES = (1.0, 0.85, 0.6, 0.4)
-# Largest number of joint paths with the required tool axis that are smoothed inside the cone.
-MAX_LEANING = 4
 # Number of iterations of this smoothing
 LEANING_ROUNDS = 40
 # Number of directions in which the tool leans by a constant rotation, and the share of the cone by
@@ -196,7 +194,7 @@ class _Solutions:
             yield partial(self._follow_base, solution, tolerance)
         if cone_of(self.path) == 0.0:
             return
-        for solution in self.solutions[:MAX_LEANING]:
+        for solution in self.solutions:
             yield partial(self._lean, solution, tolerance)
 
     def _follow_base(self, solution: Solution, tolerance: float) -> JointPath:
