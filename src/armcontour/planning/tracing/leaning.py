@@ -38,8 +38,8 @@ from armcontour.planning.tracing.two_axis_head import (
     HEAD_FINER,
     HEAD_TOLERANCE,
     Head,
-    comes_near_pole,
     guide_head,
+    has_head_tolerance,
     head_of,
     stations_of,
 )
@@ -65,7 +65,7 @@ Attempt = Callable[[], JointPath]
 def may_lean(path: Path, arm: SerialArm) -> bool:
     """Test whether the tool may lean along a path: in a cone, or near the pole of a head."""
     head = head_of(arm)
-    return cone_of(path) > 0.0 or (head is not None and comes_near_pole(path, head))
+    return cone_of(path) > 0.0 or (head is not None and has_head_tolerance(path, head))
 
 
 def attempts(

@@ -46,6 +46,8 @@ ANGLE_STEP = float(np.radians(5.0))
 LARGEST_STEP = float(np.radians(90.0))
 # Smallest distance of stations in the sum of length and turn of the tool axis, relative to the path
 STATION_GAP = 1 / 1000
+# Share of the length in this sum along a constant tool axis, where few stations are needed.
+CONSTANT_SHARE = 0.05
 # Smallest distance of stations, divided by the length of the path; a shorter one has large rounding
 # errors in its slopes.
 SHORTEST_GAP = 1e-5
@@ -169,11 +171,14 @@ def head_of(arm: SerialArm) -> Head | None:
     )
 
 
-def comes_near_pole(path: Path, head: Head) -> bool:
-    """Test whether the required tool axis of a path comes near the pole or leaves it a cone."""
+def has_head_tolerance(path: Path, head: Head) -> bool:
+    """Test whether HEAD_TOLERANCE applies to a path, because its tool axis comes near the pole.
+
+    It does not apply to a path with a larger cone.
+    """
     assert path.orientation is not None
-    if path.orientation.cone > HEAD_TOLERANCE:
-        return True
+    if not path.orientation.axis_only or path.orientation.cone >= HEAD_TOLERANCE:
+        return False
     s = path.orientation.breaks
     s = np.interp(np.arange((len(s) - 1) * PLACES + 1) / PLACES, np.arange(len(s)), s)
     across = np.linalg.norm(np.cross(path.orientation(s)[:, :, 2], head.pole), axis=1)
@@ -188,7 +193,8 @@ def stations_of(s: FloatArray, axis: FloatArray, stops: FloatArray) -> IntArray:
     - `stops`: arc lengths of the stops [m].
     """
     turn = np.linalg.norm(np.diff(axis, axis=0), axis=1)
-    steps = np.diff(s) / s[-1] + turn / max(float(turn.sum()), 1.0)
+    share = 1.0 if turn.any() else CONSTANT_SHARE
+    steps = share * np.diff(s) / s[-1] + turn / max(float(turn.sum()), 1.0)
     measure = np.append(0.0, np.cumsum(steps))
     needed = np.zeros(len(s), dtype=np.bool_)
     needed[np.searchsorted(s, stops)] = True
