@@ -41,6 +41,7 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.preferences import list_held
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -392,6 +393,10 @@ def trace_all(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
+    if arm.chain.still:
+        from armcontour.planning.tracing.still_joints import trace_still
+
+        return trace_still(path, arm, near, tolerance, max_count)
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -421,7 +426,7 @@ def sketch_all(
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
     moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    task = _task(path, arm, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
     solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
@@ -435,6 +440,31 @@ def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
+
+
+def _task(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+    """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    try:
+        return task_dimension(path, moving)
+    except InvalidInput as error:
+        if not arm.chain.held:
+            raise
+        # Raises the error if the arm does not support the path even with all of its joints.
+        task = task_dimension(path, arm)
+        raise ArmMismatch(
+            f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
+            f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
+            f"{list_held(arm.chain)}. Hold fewer joints, or prescribe less of the tool's "
+            "orientation (axis_only leaves the rotation about the tool axis free).",
+            joint=min(arm.chain.held),
+            needed=float(task),
+            allowed=float(moving.dof),
+        ) from error
+
+
+def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
+    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
+    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -469,6 +499,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -507,6 +538,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not _is_redundant(path, arm):
@@ -519,10 +551,26 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     return _trace_near(path, arm, positions, 0.0)
 
 
+def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
+    """Trace a path on which the still joints move from one position to another.
+
+    - `first`, `last`: joint positions at the ends of the path [rad], (dof,).
+
+    Raises:
+        Unreachable: The arm cannot follow the path near the line between these joint positions.
+    """
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Return joint positions near the joint path at arc lengths [m], (n, dof)."""
+        return first + (last - first) * (along / path.length)[:, None]
+
+    return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
     """Test whether the joints of an arm that are not held can move while the tool rests."""
     moving, _ = _moving(arm)
-    return task_dimension(path, moving) < moving.dof
+    return _task(path, arm, moving) < moving.dof
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -571,7 +619,7 @@ def _trace_serial(
     from armcontour.planning.tracing.branch_solutions import find_solutions
 
     moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    task = _task(path, arm, moving)
     knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(path, knots)
 
@@ -601,7 +649,7 @@ def _refine_solution(
     from armcontour.planning.tracing.smoothing import null_space
 
     moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    task = _task(path, arm, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
