@@ -116,15 +116,14 @@ class ToolModel(FrameModel):
 class PreferenceModel:
     """How one joint of the arm should move, if the path leaves a choice.
 
-    Positions are an angle, such as `10 deg`, or for a linear axis a length, such as `0.3 m`; plain
-    numbers are in rad or m.
-
     Args:
-        hold: Position at which the joint stays for the whole job; by default it moves.
+        hold: Position at which the joint stays for the whole job: an angle such as `10 deg`, or for
+            a linear axis a length such as `0.3 m`; by default it moves. A plain number is in rad or
+            m.
         weight: Cost of its motion relative to the other joints. A joint with a larger weight moves
             less.
-        range: Lower and upper end of a range that is narrower than the joint's own; by default its
-            own.
+        range: Lower and upper end of a range that is narrower than the joint's own, as angles or
+            lengths; by default its own.
         still: Whether the joint stays still within each contour, and moves between contours only.
     """
 

@@ -378,12 +378,8 @@ class _Tracer:
             self.ahead |= zip(rapids, joint_paths, strict=True)
             return
         assert end is not None
-        across = trace_across(paths, arm, end, start)
-        if across is None:
-            # The joints stay where they are, if the arm can complete the contour there.
-            across = trace_away([*paths, contour.path], arm, end)
-            self.ahead[k] = across.pop()
-        self.ahead |= zip(rapids, across, strict=True)
+        joint_paths = trace_across([*paths, contour.path], arm, end, start)
+        self.ahead |= zip([*rapids, k], joint_paths, strict=True)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -539,6 +535,8 @@ def trace_by_duration(
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths, the fastest group first.
 
+    An arm that prefers the least motion has groups of one joint path, the least motion first.
+
     The path is traced in all configurations. The joint paths of a group are sorted by length, the
     shortest first. For a path of more than MANY_SEGMENTS segments, only the fastest is yielded.
     """
@@ -556,8 +554,28 @@ def trace_by_duration(
     joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
     if len(joint_paths) == 1:
         yield joint_paths
+    elif isinstance(arm, SerialArm) and arm.chain.prefer == "least motion":
+        yield from _by_cost(joint_paths, arm, rough)
     else:
         yield from _group_by_duration(joint_paths, arm, rough)
+
+
+def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Yield joint paths one by one in their order, which is that of their costs.
+
+    Joint paths that cannot be planned come last.
+
+    - `rough`: limits of the plans that show whether a joint path can be planned.
+    """
+    failed = []
+    for joint_path in joint_paths:
+        try:
+            plan_optimal(joint_path, arm, rough, COARSE_PLAN)
+        except ArmContourError:
+            failed.append(joint_path)
+            continue
+        yield [joint_path]
+    yield from ([x] for x in failed)
 
 
 def _group_by_duration(

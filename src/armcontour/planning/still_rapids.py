@@ -79,17 +79,22 @@ def trace_towards(paths: Sequence[Path], arm: SerialArm, start: FloatArray) -> l
 
 def trace_across(
     paths: Sequence[Path], arm: SerialArm, end: FloatArray, start: FloatArray
-) -> list[JointPath] | None:
-    """Trace paths between two contours that all meet; still joints move along the last path.
+) -> list[JointPath]:
+    """Trace paths up to a contour that all meet; still joints move along the last but one path.
 
-    None if the arm cannot follow the last path while these joints move.
+    If they cannot, they stay where they are.
 
-    - `end`, `start`: joint positions before and after the paths [rad], (dof,) each.
+    - `paths`: paths of the rapids, and that of the contour.
+    - `end`: joint positions before the paths [rad], (dof,).
+    - `start`: joint positions at the start of the contour [rad], (dof,), at which the still joints
+      should be.
     """
-    joint_paths = trace_away(paths[:-1], arm, end)
-    if joint_paths:
-        end = joint_paths[-1](joint_paths[-1].length)
+    *first, last, contour = paths
+    joint_paths = trace_away(first, arm, end)
+    before = joint_paths[-1](joint_paths[-1].length) if joint_paths else end
     try:
-        return [*joint_paths, trace_between(paths[-1], arm, end, start)]
+        moving = trace_between(last, arm, before, start)
+        (on_contour,) = trace_away([contour], arm, moving(moving.length))
     except Unreachable:
-        return None
+        return [*joint_paths, *trace_away([last, contour], arm, before)]
+    return [*joint_paths, moving, on_contour]

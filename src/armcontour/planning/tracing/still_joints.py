@@ -80,11 +80,16 @@ def release_still(arm: SerialArm) -> SerialArm:
 
 def posture_cost(arm: SerialArm, joint_path: JointPath) -> float:
     """Return the cost of postures near ends of joint ranges and singularities, without motion."""
+    return _costs(arm, joint_path)[1]
+
+
+def _costs(arm: SerialArm, joint_path: JointPath) -> tuple[float, float]:
+    """Return the costs of a joint path's motion and of its postures; their sum is `PostureCost`."""
     s = np.linspace(0.0, joint_path.length, SAMPLES)
     q = joint_path(s)[None]
     cost = PostureCost(arm, s, q, arm.poses(q[0])[:, :, 2])
-    steps = (q[:, 1:] - q[:, :-1]) * cost.weights
-    return float(cost.values(q)[0] - (steps**2).sum())
+    motion = float((((q[:, 1:] - q[:, :-1]) * cost.weights) ** 2).sum())
+    return motion, float(cost.values(q)[0]) - motion
 
 
 def _trace_at_best(
@@ -108,7 +113,7 @@ def _trace_at_best(
     if not found:
         assert refusal is not None
         raise refusal
-    return found
+    return sorted(found, key=lambda x: sum(_costs(arm, x)))
 
 
 def _starts(arm: SerialArm, relaxed: JointPath) -> Iterator[FloatArray]:

@@ -62,6 +62,8 @@ SINGULAR_JACOBIAN = 1e-9
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
+# Number of steps in which joint positions are found along a path on which still joints move.
+STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
@@ -552,19 +554,57 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
 
 
 def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
-    """Trace a path on which the still joints move from one position to another.
+    """Trace a path on which the still joints move evenly from one position to another.
 
-    - `first`, `last`: joint positions at the ends of the path [rad], (dof,).
+    The other joints begin at `first` and follow; at the end they may differ from `last`.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        first: Joint positions at the start of the path [rad], (dof,).
+        last: Joint positions [rad], (dof,), of which those of the still joints count.
 
     Raises:
-        Unreachable: The arm cannot follow the path near the line between these joint positions.
+        Unreachable: The arm cannot follow the path in this way.
     """
+    still = list(arm.chain.still)
 
     def positions(along: FloatArray) -> FloatArray:
-        """Return joint positions near the joint path at arc lengths [m], (n, dof)."""
-        return first + (last - first) * (along / path.length)[:, None]
+        """Return joint positions at increasing arc lengths [m], (n, dof)."""
+        count = np.ceil(np.diff(along, prepend=0.0) / path.length * STEPS_BETWEEN).astype(np.intp)
+        q = first.copy()
+        found = []
+        before = 0.0
+        for s, steps in zip(along, count, strict=True):
+            for x in np.linspace(before, s, steps + 1)[1:]:
+                q[still] = first[still] + (last[still] - first[still]) * x / path.length
+                q = _solve_near(path, arm, float(x), q)
+            before = s
+            found.append(q.copy())
+        return np.array(found)
 
     return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
+def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArray:
+    """Return joint positions nearest to q [rad], (dof,), for a tool pose, with still joints kept.
+
+    - `s`: arc length of the pose [m].
+    """
+    from armcontour.planning.tracing.smoothing import null_space
+
+    moving, joints = _moving(hold_still(arm, q))
+    task = _task(path, arm, moving)
+    rotation = np.eye(3) if path.orientation is None else path.orientation(s)
+    pose = np.column_stack([rotation, path(s)])[None]
+    near = q[None, joints]
+    w = null_space(moving, pose, task, near)[:, None]
+    solution = near.copy()
+    if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
+        refuse_singular_pose(NumericSolver(path, arm, task, TRACING_TOLERANCE, None), s, "stops")
+    found = q.copy()
+    found[joints] = solution[0]
+    return found
 
 
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
