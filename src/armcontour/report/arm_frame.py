@@ -151,9 +151,7 @@ def _floor_height(scene: Scene) -> float | None:
     heights = [
         float(x.place.position[2])
         for x in scene.obstacles
-        if isinstance(x.shape, HalfSpace)
-        and x.fixed_to == BASE
-        and x.place.rotation[2, 2] >= LEVEL
+        if isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] >= LEVEL
     ]
     return max(heights, default=None)
 
@@ -170,6 +168,7 @@ def _write_joint(joint: DrawnJoint) -> dict[str, Any]:
         "type": "prismatic" if joint.prismatic else "revolute",
         "parent": joint.parent,
         "column": joint.column,
+        "factor": joint.factor,
         "axis": joint.axis,
         "origin": matrix(joint.origin),
         "limits": [joint.lower, joint.upper],
@@ -195,7 +194,8 @@ def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
     first = chain.floor_link
     positioner = chain.positioner
     if positioner is None or link > first:
-        return link, pose
+        # Joints that follow others have frames of their own.
+        return int(chain.joint_row[link - 1]) + 1 if link else 0, pose
     if link == first:
         return 0, chain.floor.inverse @ pose
     # The links of a positioner have parallel frames with all joints at 0.

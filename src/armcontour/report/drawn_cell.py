@@ -28,6 +28,7 @@ class DrawnJoint:
         parent: Index of the link that carries the joint; 0 is the floor, or the base without a
             positioner. Link k is after the k-th drawn joint.
         column: Index of its position in a posture of the arm.
+        factor: Factor of this position; not 1 for a joint that follows another one.
         axis: Its direction in its own frame, (3,).
         origin: Its frame at 0 in the frame of the parent.
         lower, upper: Its range [rad or m]; infinite without one.
@@ -37,6 +38,7 @@ class DrawnJoint:
     prismatic: bool
     parent: int
     column: int
+    factor: float
     axis: FloatArray
     origin: Frame
     lower: float
@@ -153,14 +155,16 @@ def _joints(arm: Arm) -> Iterator[DrawnJoint]:
     if part is not None:
         branches.insert(0, (part, np.arange(first)[::-1], 0))
     for branch, columns, carried in branches:
-        for k, column in enumerate(columns.tolist()):
+        for k, row in enumerate(branch.rows):
+            column = int(columns[row.leader])
             yield DrawnJoint(
-                name=branch.joints[k],
-                prismatic=bool(branch.slides[k]),
+                name=row.name,
+                prismatic=row.slides,
                 parent=k + carried if k else 0,
                 column=column,
-                axis=branch.axes[k],
-                origin=Frame(position=branch.positions[k], rotation=branch.rotations[k]),
+                factor=row.factor,
+                axis=row.axis,
+                origin=row.place,
                 lower=float(lower[column]),
                 upper=float(upper[column]),
             )
