@@ -76,14 +76,16 @@ def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
     if part is not None:
         branches.insert(0, (part, np.arange(first)[::-1], 0))
     for branch, columns, carried in branches:
-        for k, column in enumerate(columns.tolist()):
+        for k, row in enumerate(branch.rows):
+            column = int(columns[row.leader])
             yield {
-                "name": branch.joints[k],
-                "type": "prismatic" if branch.slides[k] else "revolute",
+                "name": row.name,
+                "type": "prismatic" if row.slides else "revolute",
                 "parent": k + carried if k else 0,
                 "column": column,
-                "axis": branch.axes[k],
-                "origin": matrix(Frame(position=branch.positions[k], rotation=branch.rotations[k])),
+                "factor": row.factor,
+                "axis": row.axis,
+                "origin": matrix(row.place),
                 "limits": [lower[column], upper[column]],
             }
 
@@ -93,7 +95,8 @@ def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
     first = chain.floor_link
     positioner = chain.positioner
     if positioner is None or link > first:
-        return link, pose
+        # Joints that follow others have frames of their own.
+        return int(chain.joint_row[link - 1]) + 1 if link else 0, pose
     if link == first:
         return 0, chain.floor.inverse @ pose
     # The links of a positioner have parallel frames with all joints at 0.
