@@ -337,7 +337,7 @@ class _Tracer:
         if end is None:
             return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.arm, **configuration_of(self.arm, end))
+            return self._continue(path, i, end)
         except Unreachable as error:
             if self.start is not None and not self.done:
                 raise error.with_location(IN_START_CONFIGURATION) from None
@@ -381,6 +381,14 @@ class _Tracer:
         assert end is not None
         joint_paths = trace_across([*paths, contour.path], arm, end, start)
         self.ahead |= zip([*rapids, k], joint_paths, strict=True)
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -536,7 +544,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
     orientation = Orientation.even(path.lengths, starts, rates, axis_only=axis_only)
-    return replace(path, orientation=orientation)
+    cone = min(x.cone for x, _ in orientations) if axis_only else 0.0
+    return replace(path, orientation=orientation.with_cone(cone))
 
 
 def trace_by_duration(

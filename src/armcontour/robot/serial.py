@@ -362,10 +362,11 @@ def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
     shapes = arm.shapes
     first = len(chain) - arm.dof
     assert shapes is not None
-    # The base of an arm on a rail is the link of the rail, otherwise it is fixed to the floor.
-    floor = chain.floor if chain.floor_link == first else Frame()
+    # The arm's base is at this position in the last link before its first joint: on a rail or,
+    # with a positioner, on the floor.
+    base = Frame(position=chain.positions[first] - arm.chain.positions[0])
     moved = [
-        replace(x, link=x.link + first, place=x.place if x.link else floor @ x.place)
+        replace(x, link=x.link + first, place=x.place if x.link else base @ x.place)
         for x in shapes.shapes
     ]
     return replace(shapes, shapes=tuple(moved))

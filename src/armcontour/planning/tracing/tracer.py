@@ -62,6 +62,9 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
@@ -457,7 +460,7 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     task = _task(path, arm, moving)
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
@@ -469,7 +472,7 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
@@ -627,7 +630,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     from armcontour.planning.tracing.smoothing import null_space
     from armcontour.planning.tracing.strained_postures import targets_at
 
-    moving, joints = _moving(hold_still(arm, q))
+    moving, joints = without_held(hold_still(arm, q))
     task = _task(path, arm, moving)
     pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
@@ -641,9 +644,12 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
 
 
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
-    """Test whether the joints of an arm that are not held can move while the tool rests."""
-    moving, _ = _moving(arm)
-    return _task(path, arm, moving) < moving.dof
+    """Test whether the joints of an arm that are not held can move while the tool point rests."""
+    from armcontour.planning.tracing.leaning import may_lean
+
+    moving, _ = without_held(arm)
+    task = _task(path, arm, moving)
+    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -661,7 +667,7 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
-    _, joints = _moving(arm)
+    moving, joints = without_held(arm)
     knots = first_knots(path, arm.span, FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
@@ -670,7 +676,13 @@ def _trace_near(
         knots = knots.halve(split, u)[0]
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
-    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+    poses = row_of_poses(path, knots)
+    if _task(path, arm, moving) == AXIS_TASK:
+        from armcontour.planning.tracing.leaning import leans, trace_leaning
+
+        if leans(moving, poses, q):
+            return trace_leaning(path, arm, knots, poses, q)
+    return _refine_solution(path, arm, knots, poses, q)
 
 
 def _trace_planar(
@@ -689,11 +701,38 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
-    from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.leaning import attempts, may_lean
     from armcontour.planning.tracing.refusals import name_cause
 
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     task = _task(path, arm, moving)
+    near = None if seed is None else seed[joints]
+    try:
+        if task == AXIS_TASK and may_lean(path, moving):
+            return _complete(attempts(path, arm, near, tolerance), max_count)
+        return _trace_exactly(path, arm, task, near, tolerance, max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others.
+        if seed is not None:
+            raise
+        raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
+
+
+def _trace_exactly(
+    path: Path,
+    arm: SerialArm,
+    task: int,
+    seed: FloatArray | None,
+    tolerance: float,
+    max_count: int | None,
+) -> list[JointPath]:
+    """Trace a path in the configurations in which the tool has the required orientation.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
+    from armcontour.planning.tracing.branch_solutions import find_solutions
+
+    moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
     knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(turned, knots)
@@ -701,15 +740,8 @@ def _trace_serial(
     def refine_solution(solution: Solution) -> JointPath:
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
-    near = None if seed is None else seed[joints]
-    try:
-        solutions = find_solutions(turned, moving, knots, poses, task, near)
-        return _complete((partial(refine_solution, x) for x in solutions), max_count)
-    except Unreachable as error:
-        # From a seed, only one configuration is tried; callers try the others.
-        if seed is not None:
-            raise
-        raise name_cause(error, turned, arm, task) from None
+    solutions = find_solutions(turned, moving, knots, poses, task, seed)
+    return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
 def _refine_solution(
@@ -729,13 +761,31 @@ def _refine_solution(
     """
     from armcontour.planning.tracing.smoothing import null_space
 
-    moving, joints = _moving(arm)
+    moving, _ = without_held(arm)
     task = _task(path, arm, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
+    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+
+
+def refine_guided(
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    q: FloatArray,
+    task: int,
+    guide: Guide | None,
+    tolerance: float,
+) -> JointPath:
+    """Refine joint positions near those at knots to a joint path, and check its ranges.
+
+    - `q`: as in `_refine_solution`.
+    - `task`: task dimension; the guide determines the other motions.
+    """
+    moving, joints = without_held(arm)
     numeric = NumericSolver(turn_as_tool(path, moving), moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
     if numeric.path is not path:
