@@ -15,6 +15,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.frames import exp
 from armcontour.planning.tracing import trace_all
+from armcontour.robot import JointPreference
 
 KINDS = ("rail", "positioner", "gantry", "cell", "orientation", "axis")
 # Joints of a six-joint arm of 1.5 m: name, origin, axis, range, velocity.
@@ -62,7 +63,11 @@ def urdf_arm(kind):
     options = {"tip": "tool0"}
     if kind == "gantry":
         parent = "world"
-        for name, axis, upper in (("gx", (1, 0, 0), 4), ("gy", (0, 1, 0), 2), ("gz", (0, 0, -1), 1)):
+        for name, axis, upper in (
+            ("gx", (1, 0, 0), 4),
+            ("gy", (0, 1, 0), 2),
+            ("gz", (0, 0, -1), 1),
+        ):
             text += _joint(name, "prismatic", parent, name, (0, 0, 0), axis, 0, upper, 0.8)
             text += f'<link name="{name}"/>'
             parent = name
@@ -84,26 +89,25 @@ def urdf_arm(kind):
 
 def make_arm(kind, seed, held=None):
     """Return the arm of a job; `held` are positions of held axes by name."""
-    held = held or {}
+    held = {name: JointPreference(hold=x) for name, x in (held or {}).items()}
     if kind in ("gantry", "cell"):
         return urdf_arm(kind)
     if kind in ("orientation", "axis") and seed % 2:
         return urdf_arm("alone")
     arm = ac.load_arm("ur10e").with_tool(TOOL)
     if kind == "rail":
-        return arm.with_rail(
-            ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5,
-                    hold=held.get("rail"))
-        )  # fmt: skip
+        rail = ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5)
+        return arm.with_rail(rail).with_preferences(held)
     if kind == "positioner":
         axes = []
         for name, axis, z, end in (("tilt", (0, 1, 0), 0.3, 1.8), ("turn", (0, 0, 1), 0.4, 7.0)):
             axes.append(
                 ac.PositionerAxis(name=name, axis=axis, origin=(0.9, 0, z), lower=-end, upper=end,
-                                  velocity=1.0, acceleration=1.8, hold=held.get(name))
+                                  velocity=1.0, acceleration=1.8)
             )  # fmt: skip
         tilt = np.radians((10, 20, 40)[seed % 3]) if seed % 4 else None
-        return arm.with_positioner(ac.Positioner(axes=tuple(axes), tilt=tilt))
+        positioner = ac.Positioner(axes=tuple(axes), tilt=tilt)
+        return arm.with_positioner(positioner).with_preferences(held)
     return arm
 
 

@@ -291,8 +291,8 @@ def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> 
     name = called(arm, cause.joint)
     if cause.kind == "hold":
         words = (
-            f"{place} {name} would have to be at {number(cause.needed, unit)}, but `hold` keeps it "
-            f"at {number(cause.allowed, unit)}"
+            f"{place} {name} would have to be at {number(cause.needed, unit)}, but its preference "
+            f"`hold` keeps it at {number(cause.allowed, unit)}"
         )
         for tilt in relaxations:
             if tilt.kind == "tilt":

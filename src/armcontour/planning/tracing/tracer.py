@@ -487,6 +487,8 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             raise
         # Raises the error if the arm does not support the path even with all of its joints.
         task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
         raise ArmMismatch(
             f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
             f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
@@ -495,7 +497,7 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             joint=min(arm.chain.held),
             needed=float(task),
             allowed=float(moving.dof),
-        ) from error
+        ) from None
 
 
 def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
@@ -626,11 +628,11 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     - `s`: arc length of the pose [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
 
     moving, joints = without_held(hold_still(arm, q))
     task = dimension_of(path, arm, moving)
-    rotation = np.eye(3) if path.orientation is None else path.orientation(s)
-    pose = np.column_stack([rotation, path(s)])[None]
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
@@ -675,7 +677,7 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if task_dimension(path, moving) == AXIS_TASK:
+    if dimension_of(path, arm, moving) == AXIS_TASK:
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
