@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.render import number
 from armcontour.core.sampled_data import spread_indices
@@ -216,6 +216,23 @@ def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unr
     )
 
 
+def renumber(
+    error: Unreachable, moving: SerialArm, arm: SerialArm, joints: IntArray
+) -> Unreachable:
+    """Return an error about a joint of the arm without held joints as one of the whole arm.
+
+    - `moving`: the arm without its held joints.
+    - `joints`: indices of its joints in the whole arm.
+    """
+    if error.joint is None or moving.dof == arm.dof:
+        return error
+    joint = int(joints[error.joint])
+    message = str(error).replace(called(moving, error.joint), called(arm, joint))
+    renumbered = Unreachable(message)
+    vars(renumbered).update(vars(error) | {"joint": joint})
+    return renumbered
+
+
 def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
     """Return the error with the true cause, if one is found, by which a path is refused.
 
@@ -238,7 +255,7 @@ def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unr
     remedy = "Move the path or the arm"
     if len(findings.strained) > 1:
         also = _excesses(arm, findings.strained[1 : MOST_REMEDIES + 1])
-        remedy = f"A larger range alone does not suffice: {also}. {remedy}"
+        remedy = f"Others exceed their limits as well: {also}. {remedy}"
     return _refusal(path, arm, findings.strained, remedy)
 
 
@@ -249,14 +266,14 @@ def _remedies(arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
 
 
 def _excesses(arm: SerialArm, causes: Sequence[Relaxation]) -> str:
-    """Return by how much several ranges, or the tilt, are exceeded as well."""
+    """Return by how much several ranges, or the tilt, are exceeded."""
     parts = []
     for cause in causes:
         name = "the tilt" if cause.kind == "tilt" else called(arm, cause.joint)
         unit = "rad" if cause.kind == "tilt" else arm.chain.unit("rad", cause.joint)
         excess = number(abs(cause.needed - cause.allowed), unit)
-        parts.append(f"{name} would exceed its limit by {excess}")
-    return ", and ".join(parts)
+        parts.append(f"{name} by {excess}")
+    return ", ".join(parts)
 
 
 def _refusal(

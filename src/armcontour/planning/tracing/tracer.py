@@ -596,7 +596,7 @@ def _trace_serial(
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.branch_solutions import find_solutions
-    from armcontour.planning.tracing.refusals import name_cause
+    from armcontour.planning.tracing.refusals import name_cause, renumber
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
@@ -611,10 +611,9 @@ def _trace_serial(
         solutions = find_solutions(path, moving, knots, poses, task, near)
         return _complete((partial(refine_solution, x) for x in solutions), max_count)
     except Unreachable as error:
+        numbered = renumber(error, moving, arm, joints)
         # From a seed, only one configuration is tried; callers try the others.
-        if seed is not None:
-            raise
-        raise name_cause(error, path, arm, task) from None
+        raise (numbered if seed is not None else name_cause(numbered, path, arm, task)) from None
 
 
 def _refine_solution(
