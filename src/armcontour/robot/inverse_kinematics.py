@@ -8,9 +8,13 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import pose_solver
 from armcontour.robot.arm import MET, Arm
+from armcontour.robot.serial import SerialArm
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 # Task dimensions, as in `pose_solver.py`:
 WHOLE = 6  # The whole tool pose.
+ONE_ROTATION = 4  # The tool point and the rotation about one direction.
+TURNED = 4  # The tool point and the rotation about the direction of parallel joints.
 POINT = 3  # The tool point only.
 # Number of joint positions at which the search starts. With this number it found all eight
 # configurations of a common six-joint arm for every one among thousands of random poses.
@@ -48,8 +52,9 @@ def configurations(
     Args:
         arm: The arm.
         pose: Tool pose in the work frame, (3, 4).
-        task: Task dimension: 6 for the whole pose, 5 if the rotation about the tool axis is free, 3
-            for the tool point alone.
+        task: Task dimension: 6 for the whole pose, 5 if the rotation about the tool axis is free, 4
+            for the tool point and the rotation about the direction of parallel joints, 3 for the
+            tool point alone.
         near: Joint positions at which the search starts [rad], (dof,); by default it starts from
             many positions, to find all solutions.
     """
@@ -57,6 +62,11 @@ def configurations(
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
         if solutions is not None:
             return solutions
+    turning = arm.tool_turning if task == WHOLE and isinstance(arm, SerialArm) else None
+    if turning is not None:
+        if turning.missed(pose[None, :, :3], axis_only=False)[0] > REACHED_ANGLE:
+            return np.empty((0, arm.dof))
+        task = TURNED if turning.turns else POINT
     return search(arm, pose, task, near)
 
 

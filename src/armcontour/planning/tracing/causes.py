@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampled_data import spread_indices
 from armcontour.geometry import Path
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity, chord_of, tilt_of
 from armcontour.planning.tracing.strained_postures import (
@@ -30,7 +31,12 @@ from armcontour.planning.tracing.strained_postures import (
 )
 from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import MET, shift_by_turns
-from armcontour.robot.inverse_kinematics import MAX_SEARCH_STEPS, SEARCH_WEIGHT, WHOLE
+from armcontour.robot.inverse_kinematics import (
+    MAX_SEARCH_STEPS,
+    ONE_ROTATION,
+    SEARCH_WEIGHT,
+    WHOLE,
+)
 
 # Excess over a range that counts as none [rad or m].
 NO_EXCESS = 1e-6
@@ -181,7 +187,7 @@ class _Study:
         """Follow the postures of an arm along a path."""
         poses = Poses.along(path, arm, task)
         starts = first_postures(poses)
-        followed = starts[:FOLLOWED]
+        followed = _spread(poses, Ranges.of(arm, len(starts)), starts, FOLLOWED)
         ranges = Ranges.of(arm, len(followed))
         walked = walk(poses, ranges, followed)
         q = walked.q[walked.complete]
@@ -288,11 +294,13 @@ class _Study:
         """Return the relaxed joint and the posture, (k, dof), of each start to follow."""
         owner: list[int] = []
         starts: list[FloatArray] = []
-        some = self.starts[:SETTLED_STARTS]
+        some = self.starts[spread_indices(len(self.starts), SETTLED_STARTS)]
         for k in candidates:
             settled = settle(self.poses, self._relaxed(np.full(len(some), k)), some)
-            starts += list(settled[:RELAXED_STARTS])
-            owner += [k] * len(settled[:RELAXED_STARTS])
+            ranges = self._relaxed(np.full(len(settled), k))
+            chosen = _spread(self.poses, ranges, settled, RELAXED_STARTS)
+            starts += list(chosen)
+            owner += [k] * len(chosen)
         return np.array(owner, dtype=np.intp), np.array(starts).reshape(-1, self.poses.arm.dof)
 
     def _relaxed(self, owner: IntArray) -> Ranges:
@@ -410,6 +418,24 @@ def _touched(poses: Poses, ranges: Ranges, q: FloatArray) -> FloatArray:
     return np.asarray(_excess(poses, inner, q).max(axis=0, initial=0.0))
 
 
+def _spread(poses: Poses, ranges: Ranges, starts: FloatArray, count: int) -> FloatArray:
+    """Choose postures at the first pose that exceed nothing, far from each other, then others.
+
+    - `starts`: postures, that with the least strain first [rad], (k, dof).
+    """
+    first = poses.part(slice(1))
+    fits = (_excess(first, ranges, starts[:, None]) <= NO_EXCESS).all(axis=1)
+    inside = starts[fits]
+    chosen: list[FloatArray] = []
+    distance = np.full(len(inside), np.inf)
+    while len(chosen) < min(count, len(inside)):
+        posture = inside[int(np.argmax(distance))]
+        chosen.append(posture)
+        distance = np.minimum(distance, np.abs(inside - posture).max(axis=1))
+    chosen += list(starts[~fits][: count - len(chosen)])
+    return np.array(chosen).reshape(-1, starts.shape[1])
+
+
 def _eased(poses: Poses, ranges: Ranges, q: FloatArray) -> FloatArray:
     """Reduce the strain of joint paths, (paths, n, dof), but keep those that then exceed more."""
     improved = improve(poses, ranges, q, PATH_ROUNDS)
@@ -433,6 +459,11 @@ def smallest_singular_value(
     inner = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
     lengths = np.linalg.norm(np.asarray(arm.chain.positions)[inner[1:]], axis=1).sum()
     moving = jacobian[:3] / (lengths if lengths > 0.0 else 1.0)
-    turning = jacobian[3:] if task == WHOLE else pose[:, : task - 3].T @ jacobian[3:]
+    turning = jacobian[3:]
+    if task == ONE_ROTATION:
+        revolute = np.flatnonzero(~arm.chain.slides)[0]
+        turning = turning[:, revolute][None] @ turning
+    elif task != WHOLE:
+        turning = pose[:, : task - 3].T @ turning
     _, sizes, motions = np.linalg.svd(np.concatenate([moving, turning]))
     return float(sizes[task - 1]), int(np.argmax(np.abs(motions[task - 1])))

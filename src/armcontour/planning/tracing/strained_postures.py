@@ -123,7 +123,6 @@ class Ranges:
             self.lower[path, joint] = lower
             self.upper[path, joint] = upper
 
-
     def excess(self, q: FloatArray) -> FloatArray:
         """Return the excess of joints over their ranges [rad], (paths, n, dof); negative below."""
         above = np.maximum(q - self.upper[:, None], 0.0)

@@ -39,6 +39,7 @@ from armcontour.planning.tracing.knots import (
     suggest_remedy,
     task_dimension,
 )
+from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
@@ -58,6 +59,8 @@ A = TypeVar("A", bound=Arm, covariant=True)
 ANGULAR_TOLERANCE = 1e-9
 # Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR_JACOBIAN = 1e-9
+# Task dimensions that compare the whole rotation of the tool
+WHOLE_ROTATIONS = (4, 6)
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
@@ -267,7 +270,7 @@ class NumericSolver(Solver[SerialArm]):
         self,
         path: Path,
         arm: SerialArm,
-        task: int,  # Task dimension: 6, 5 or 3, see `task_dimension`
+        task: int,  # Task dimension: 6, 5, 4 or 3, see `task_dimension`
         tolerance: float,  # Largest distance of the tool from the path between knots [m]
         guide: Guide | None,  # Guide of a redundant arm
     ) -> None:
@@ -300,7 +303,7 @@ class NumericSolver(Solver[SerialArm]):
         if self.task == 3:
             return error
         turned = difference[:, :, 2]
-        if self.task == 6:
+        if self.task in WHOLE_ROTATIONS:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
 
@@ -449,6 +452,7 @@ def sketch_all(
     _refuse_flat(arm)
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
+    path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
     solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
@@ -600,20 +604,23 @@ def _trace_serial(
 
     moving, joints = _moving(arm)
     task = task_dimension(path, moving)
-    knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
-    poses = row_of_poses(path, knots)
+    turned = turn_as_tool(path, moving)
+    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
+    poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
     near = None if seed is None else seed[joints]
     try:
-        solutions = find_solutions(path, moving, knots, poses, task, near)
+        solutions = find_solutions(turned, moving, knots, poses, task, near)
         return _complete((partial(refine_solution, x) for x in solutions), max_count)
     except Unreachable as error:
         numbered = renumber(error, moving, arm, joints)
         # From a seed, only one configuration is tried; callers try the others.
-        raise (numbered if seed is not None else name_cause(numbered, path, arm, task)) from None
+        if seed is not None:
+            raise numbered from None
+        raise name_cause(numbered, turned, arm, task) from None
 
 
 def _refine_solution(
@@ -640,8 +647,10 @@ def _refine_solution(
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
-    numeric = NumericSolver(path, moving, task, tolerance, guide)
+    numeric = NumericSolver(turn_as_tool(path, moving), moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
+    if numeric.path is not path:
+        joint_path = replace(joint_path, tool_path=path)
     if moving is not arm:
         joint_path = _with_held(joint_path, arm.chain, joints)
     check_joint_range(joint_path, arm.limits, arm)
