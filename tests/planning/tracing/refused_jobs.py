@@ -3,6 +3,7 @@
 `python -m tests.planning.tracing.refused_jobs COUNT` prints a table of what the refusals name.
 """
 
+import re
 import sys
 import time
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.frames import exp
 from armcontour.planning.tracing import trace_all
+from armcontour.robot import SerialArm
 
 KINDS = ("rail", "positioner", "gantry", "cell", "orientation", "axis")
 # Joints of a six-joint arm of 1.5 m: name, origin, axis, range, velocity.
@@ -153,6 +155,8 @@ class Refused:
 
     kind: str
     seed: int
+    path: ac.Path
+    arm: SerialArm  # With the narrow range or the held axis
     joint: int
     name: str
     change: str
@@ -168,6 +172,20 @@ class Refused:
     def is_mentioned(self) -> bool:
         """True if the message names the changed joint somewhere."""
         return f"({self.name})" in str(self.error)
+
+
+    def is_remedied(self):
+        """Test whether the path is traced with the first remedy of the message."""
+        text = str(self.error)
+        if self.error.limit == "hold":
+            return reason(self.path, make_arm(self.kind, self.seed)) is None
+        told = re.search(rf"[Ll]et joint {self.joint + 1} \(.*?\) move to (.*?), or", text)
+        values = []
+        for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", told[1]):
+            values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
+        lower, upper = (x[self.joint] for x in self.arm.limits.joint_range(self.arm.dof))
+        wider = narrow(self.arm, self.joint, min(lower, *values, upper), max(upper, *values, lower))
+        return reason(self.path, wider) is None
 
 
 def narrow(arm, joint, lower, upper):
@@ -218,7 +236,7 @@ def refused_job(kind, seed):
         error = reason(path, changed)
         seconds = time.process_time() - start
         if error is not None:
-            return Refused(kind, seed, joint, name, change, error, seconds)
+            return Refused(kind, seed, path, changed, joint, name, change, error, seconds)
     return None
 
 
@@ -251,6 +269,7 @@ def main(count, first=0):
     total = []
     for kind in KINDS[first:]:
         jobs = []
+        works = []
         seed = 0
         while len(jobs) < count and seed < 20 * count:
             job = refused_job(kind, seed)
@@ -259,10 +278,14 @@ def main(count, first=0):
                 continue
             jobs.append(job)
             mark = "named" if job.is_named else "mentioned" if job.is_mentioned else "MISSED"
+            if job.is_named:
+                works.append(job.is_remedied())
+                mark += "" if works[-1] else ", remedy fails"
             print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:28} {mark:10} "
                   f"{job.seconds:5.2f} s", flush=True)  # fmt: skip
             if not job.is_named:
                 print(f"    {job.error}", flush=True)
+        print(f"== {kind}: {sum(works)} of {len(works)} remedies work")
         named = sum(x.is_named for x in jobs)
         mentioned = sum(x.is_mentioned for x in jobs)
         print(f"== {kind}: {named} of {len(jobs)} named, {mentioned} mentioned; "

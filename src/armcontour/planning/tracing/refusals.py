@@ -41,6 +41,10 @@ MANY_POSES = 300
 REACH_BISECTIONS = 30
 # Angle from which the orientation of the tool is missed [rad].
 MISSED_ANGLE = 1e-6
+# Room that a recommended range has beyond what the path needs: as a fraction of the excess, and in
+# degrees or centimetres.
+ROOM = 0.05
+ROOM_STEPS = 1.0
 # Largest number of remedies in a message.
 MOST_REMEDIES = 3
 
@@ -339,24 +343,27 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
     if cause.kind == "rotation":
         return "leave the rotation about the tool axis free"
     if cause.kind == "tilt":
-        return f"specify a tilt of at least {_above(cause.needed, 'rad')}"
+        return f"specify a tilt of at least {_above(cause.needed - cause.allowed, cause.allowed, 'rad')}"
     name = called(arm, cause.joint)
     if cause.kind == "hold":
         return f"do not hold {' and '.join(called(arm, k) for k in cause.together)}"
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
-    ends = [_above(-least, unit, -1.0)] if least < cause.lower else []
-    ends += [_above(most, unit)] if most > cause.upper else []
+    ends = [_above(least - cause.lower, cause.lower, unit)] if least < cause.lower else []
+    ends += [_above(most - cause.upper, cause.upper, unit)] if most > cause.upper else []
     return f"let {name} move to {' and to '.join(ends)}"
 
 
-def _above(value: float, unit: str, sign: float = 1.0) -> str:
-    """Write a value with its sign, rounded up to 0.1 degrees or 1 mm, so that it suffices."""
-    step = np.radians(0.1) if unit == "rad" else 1e-3
-    rounded = np.ceil(value / step + 1e-9) * step
-    scale, shown = (180 / np.pi, "deg") if unit == "rad" else (1e3, "mm")
-    return f"{sign * rounded * scale:.10g} {shown}"
+def _above(excess: float, end: float, unit: str) -> str:
+    """Write the end of a range [rad] that allows an excess with some room, in whole units."""
+    step, scale, shown = (np.pi / 180, 180 / np.pi, "deg") if unit == "rad" else (0.01, 1e3, "mm")
+    room = ROOM * abs(excess) + ROOM_STEPS * step
+    value = end + np.copysign(abs(excess) + room, excess)
+    rounded = np.copysign(np.ceil(abs(value) / step), value)
+    if value * excess < 0:
+        rounded = np.copysign(np.floor(abs(value) / step), value)
+    return f"{rounded * step * scale:.10g} {shown}"
 
 
 def _find_end_of_reach(
