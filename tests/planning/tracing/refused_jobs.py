@@ -16,7 +16,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.frames import exp
 from armcontour.planning.tracing import trace_all
-from armcontour.robot import SerialArm
+from armcontour.robot import JointPreference, SerialArm
 
 KINDS = ("rail", "positioner", "gantry", "cell", "orientation", "axis")
 # Joints of a six-joint arm of 1.5 m: name, origin, axis, range, velocity.
@@ -64,7 +64,11 @@ def urdf_arm(kind):
     options = {"tip": "tool0"}
     if kind == "gantry":
         parent = "world"
-        for name, axis, upper in (("gx", (1, 0, 0), 4), ("gy", (0, 1, 0), 2), ("gz", (0, 0, -1), 1)):
+        for name, axis, upper in (
+            ("gx", (1, 0, 0), 4),
+            ("gy", (0, 1, 0), 2),
+            ("gz", (0, 0, -1), 1),
+        ):
             text += _joint(name, "prismatic", parent, name, (0, 0, 0), axis, 0, upper, 0.8)
             text += f'<link name="{name}"/>'
             parent = name
@@ -84,9 +88,8 @@ def urdf_arm(kind):
     return ac.load_arm(str(file), ac.ArmOptions(**options), tool=TOOL)
 
 
-def make_arm(kind, seed, held=None):
-    """Return the arm of a job; `held` are positions of held axes by name."""
-    held = held or {}
+def make_arm(kind, seed):
+    """Return the arm of a job."""
     if kind in ("gantry", "cell"):
         return urdf_arm(kind)
     if kind in ("orientation", "axis") and seed % 2:
@@ -94,15 +97,14 @@ def make_arm(kind, seed, held=None):
     arm = ac.load_arm("ur10e").with_tool(TOOL)
     if kind == "rail":
         return arm.with_rail(
-            ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5,
-                    hold=held.get("rail"))
-        )  # fmt: skip
+            ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5)
+        )
     if kind == "positioner":
         axes = []
         for name, axis, z, end in (("tilt", (0, 1, 0), 0.3, 1.8), ("turn", (0, 0, 1), 0.4, 7.0)):
             axes.append(
                 ac.PositionerAxis(name=name, axis=axis, origin=(0.9, 0, z), lower=-end, upper=end,
-                                  velocity=1.0, acceleration=1.8, hold=held.get(name))
+                                  velocity=1.0, acceleration=1.8)
             )  # fmt: skip
         tilt = np.radians((10, 20, 40)[seed % 3]) if seed % 4 else None
         return arm.with_positioner(ac.Positioner(axes=tuple(axes), tilt=tilt))
@@ -173,7 +175,6 @@ class Refused:
         """True if the message names the changed joint somewhere."""
         return f"({self.name})" in str(self.error)
 
-
     def is_remedied(self):
         """Test whether the path is traced with the first remedy of the message."""
         text = str(self.error)
@@ -214,9 +215,9 @@ def refused_job(kind, seed):
         joint = arm.joint_names.index(name)
         low, high = (x[joint] for x in arm.limits.joint_range(arm.dof))
         low, high = max(low, -2 * np.pi), min(high, 2 * np.pi)
-        if kind in ("rail", "positioner") and name in external and rng.random() < 0.5:
+        if name in external and rng.random() < 0.5:
             position = float(rng.uniform(low, high))
-            changed = make_arm(kind, seed, {name: position})
+            changed = arm.with_preferences({name: JointPreference(hold=position)})
             change = f"hold {position:.3f}"
         else:
             least, most = q[:, joint].min(), q[:, joint].max()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.render import number
 from armcontour.core.sampled_data import spread_indices
@@ -211,7 +212,7 @@ def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unr
     """Make the error for a singularity on the path, with a remedy without a period."""
     return Unreachable(
         f"At {place.s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
-        f"singularity, at which {called(arm, place.joint)} would need an unlimited velocity "
+        f"singularity, at which {_named(arm, place.joint)} would need an unlimited velocity "
         f"(smallest singular value {place.value:.2g}). {remedy}.",
         s=place.s,
         point=path(place.s).tolist(),
@@ -220,21 +221,21 @@ def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unr
     )
 
 
-def renumber(
-    error: Unreachable, moving: SerialArm, arm: SerialArm, joints: IntArray
-) -> Unreachable:
-    """Return an error about a joint of the arm without held joints as one of the whole arm.
-
-    - `moving`: the arm without its held joints.
-    - `joints`: indices of its joints in the whole arm.
-    """
-    if error.joint is None or moving.dof == arm.dof:
-        return error
-    joint = int(joints[error.joint])
-    message = str(error).replace(called(moving, error.joint), called(arm, joint))
-    renumbered = Unreachable(message)
-    vars(renumbered).update(vars(error) | {"joint": joint})
-    return renumbered
+@contextmanager
+def numbered_as(arm: SerialArm) -> Iterator[None]:
+    """Number joints as in the whole arm in errors about the arm without its held joints."""
+    try:
+        yield
+    except Unreachable as error:
+        moving = np.setdiff1d(np.arange(arm.dof), list(arm.chain.held))
+        if error.joint is None or len(moving) == arm.dof:
+            raise
+        joint = int(moving[error.joint])
+        name = arm.joint_names[joint]
+        message = str(error).replace(called(error.joint, name), called(joint, name))
+        numbered = Unreachable(message)
+        vars(numbered).update(vars(error) | {"joint": joint})
+        raise numbered from None
 
 
 def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
@@ -273,7 +274,7 @@ def _excesses(arm: SerialArm, causes: Sequence[Relaxation]) -> str:
     """Return by how much several ranges, or the tilt, are exceeded."""
     parts = []
     for cause in causes:
-        name = "the tilt" if cause.kind == "tilt" else called(arm, cause.joint)
+        name = "the tilt" if cause.kind == "tilt" else _named(arm, cause.joint)
         unit = "rad" if cause.kind == "tilt" else arm.chain.unit("rad", cause.joint)
         excess = number(abs(cause.needed - cause.allowed), unit)
         parts.append(f"{name} by {excess}")
@@ -299,6 +300,11 @@ def _refusal(
     )
 
 
+def _named(arm: SerialArm, joint: int) -> str:
+    """Return number and name of a joint for messages."""
+    return called(joint, arm.joint_names[joint])
+
+
 def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
     """Describe the first of several relaxations in a sentence without a period."""
     cause = relaxations[0]
@@ -309,11 +315,11 @@ def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> 
             f"but the tilt of the positioner allows at most {number(cause.allowed, 'rad')}"
         )
     unit = arm.chain.unit("rad", cause.joint)
-    name = called(arm, cause.joint)
+    name = _named(arm, cause.joint)
     if cause.kind == "hold":
         words = (
-            f"{place} {name} would have to be at {number(cause.needed, unit)}, but `hold` keeps it "
-            f"at {number(cause.allowed, unit)}"
+            f"{place} {name} would have to be at {number(cause.needed, unit)}, but the preference "
+            f"`hold` keeps it at {number(cause.allowed, unit)}"
         )
         for tilt in relaxations:
             if tilt.kind == "tilt":
@@ -328,6 +334,8 @@ def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> 
         f"{number(abs(cause.needed - cause.allowed), unit)} beyond its {end} limit of "
         f"{number(cause.allowed, unit)}"
     )
+    if cause.allowed in arm.chain.ranges.get(cause.joint, ()):
+        words += " (preference `range`)"
     if cause.travel > cause.width:
         words += (
             f", because it moves over {number(cause.travel, unit)} and its range is only "
@@ -344,9 +352,9 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
         return "leave the rotation about the tool axis free"
     if cause.kind == "tilt":
         return f"specify a tilt of at least {_above(cause.needed - cause.allowed, cause.allowed, 'rad')}"
-    name = called(arm, cause.joint)
+    name = _named(arm, cause.joint)
     if cause.kind == "hold":
-        return f"do not hold {' and '.join(called(arm, k) for k in cause.together)}"
+        return f"do not hold {' and '.join(_named(arm, k) for k in cause.together)}"
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
