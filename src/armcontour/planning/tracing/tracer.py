@@ -731,6 +731,7 @@ def _trace_exactly(
     - `seed`: as in `trace`, for the joints that are not held, (joints,).
     """
     from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import numbered_as
 
     moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
@@ -740,7 +741,8 @@ def _trace_exactly(
     def refine_solution(solution: Solution) -> JointPath:
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
-    solutions = find_solutions(turned, moving, knots, poses, task, seed)
+    with numbered_as(arm):
+        solutions = find_solutions(turned, moving, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
