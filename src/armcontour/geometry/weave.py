@@ -335,9 +335,7 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     # not with each wave.
     seam_s = segments.breaks / segments.breaks[-1] * seam.length
     if orientation.follows:
-        carried = carry_frame(
-            seam.segments, orientation.starts[0], axis_only=orientation.axis_only
-        )
+        carried = carry_frame(seam.segments, orientation.starts[0], axis_only=orientation.axis_only)
         orientation = carried.with_cone(orientation.cone)
     else:
         seam_s = wave.on_part(seam_s)

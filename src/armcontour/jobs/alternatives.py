@@ -22,7 +22,7 @@ from armcontour.planning.program_tracing import find_starts
 from armcontour.planning.tracing.leaning import leaned_paths
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS, NO_FLOOR
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.body_pairs import can_measure
 
@@ -132,7 +132,19 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
 
 def _is_checked(job: Job) -> bool:
     """Return whether distances are computed: with a scene, or if shapes of links are known."""
-    return job.scene is not None or (job.arm.knows_shapes and can_measure())
+    scene = job.scene
+    if scene is None:
+        return job.arm.knows_shapes and can_measure()
+    # A scene without obstacles and without a floor requires no shapes of the links.
+    return bool(scene.obstacles) or scene.floor != NO_FLOOR or not _lacks_shapes(job.arm)
+
+
+def _lacks_shapes(arm: Arm) -> bool:
+    """Return whether an arm is described without shapes; missing files are another fault."""
+    try:
+        return arm.shapes is None
+    except InvalidInput:
+        return False
 
 
 def _explain_unchecked(arm: Arm) -> tuple[str, ...]:

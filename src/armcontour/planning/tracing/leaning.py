@@ -210,7 +210,12 @@ class _Solutions:
     def _lean(self, solution: Solution, tolerance: float) -> JointPath:
         """Trace with a tool axis inside the cone."""
         return lean_from(
-            self.path, self.arm, self.knots, solution.q, tolerance, start_stays=self.seed is not None
+            self.path,
+            self.arm,
+            self.knots,
+            solution.q,
+            tolerance,
+            start_stays=self.seed is not None,
         )
 
 

@@ -51,8 +51,10 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     axes = np.empty((len(q), 0, 3))
     for k in range(chain.floor_link):
         turned = turned @ chain.rotations[k]
-        axes = np.concatenate([axes, (turned @ chain.axes[k])[:, None]], axis=1)
-        turned = turned @ exp(q[:, k, None] * chain.axes[k])
+        # An axis that slides does not turn the part.
+        axis = np.zeros(3) if chain.slides[k] else chain.axes[k]
+        axes = np.concatenate([axes, (turned @ axis)[:, None]], axis=1)
+        turned = turned @ exp(q[:, k, None] * axis)
     down = turned @ chain.floor.rotation @ (chain.gravity / np.linalg.norm(chain.gravity))
     return down, np.cross(axes, down[:, None])
 

@@ -147,7 +147,9 @@ class Allowed:
         opposite = float(np.copysign(np.pi, difference))
         if far == np.pi:
             return middle + opposite - (np.pi - near), middle + opposite + (np.pi - near)
-        ends = sorted([middle + np.copysign(near, difference), middle + np.copysign(far, difference)])
+        ends = sorted(
+            [middle + np.copysign(near, difference), middle + np.copysign(far, difference)]
+        )
         return ends[0], ends[1]
 
     def _away(self, i: int, c: FloatArray) -> FloatArray:
