@@ -41,8 +41,10 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 from armcontour.robot.preferences import list_held
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -707,13 +709,15 @@ def _trace_serial(
     moving, joints = without_held(arm)
     task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
+    leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
-        if task == AXIS_TASK and may_lean(path, moving):
+        if leaning:
             return _complete(attempts(path, arm, near, tolerance), max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
-        # From a seed, only one configuration is tried; callers try the others.
-        if seed is not None:
+        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
+        # head, the singularity of the required axis is no cause.
+        if seed is not None or (leaning and cone_of(path) == 0.0):
             raise
         raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
 
@@ -739,7 +743,11 @@ def _trace_exactly(
     poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        if cone_of(path) > 0.0:
+            # The tool turns about one direction only, and differs from the required axis.
+            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+        return joint_path
 
     with numbered_as(arm):
         solutions = find_solutions(turned, moving, knots, poses, task, seed)
