@@ -28,6 +28,8 @@ from armcontour.planning.tracing.joint_ranges import (
     turn_into_range,
 )
 from armcontour.planning.tracing.knots import (
+    AXIS_TASK,
+    FINER,
     MIDDLE,
     PLACES,
     Knots,
@@ -38,6 +40,7 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
     suggest_remedy,
     task_dimension,
+    without_held,
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
@@ -63,12 +66,6 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
-# Task dimension of the position and the tool axis, and of the position alone.
-AXIS_TASK = 5
-POSITION_TASK = 3
-# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
-# between these knots
-FINER = 3
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
@@ -467,12 +464,6 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
-    """Return the arm without its held joints, and the indices of the other joints."""
-    held = list(arm.chain.held)
-    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
-
-
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     """Return indices of knots every `step` [m] or CHORD_TURN of rotation, and of the last knot."""
     from armcontour.planning.tracing.branch_solutions import CHORD_TURN
@@ -593,7 +584,8 @@ def _trace_near(
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
-            return trace_leaning(path, arm, knots, poses, q)
+            refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
+            return trace_leaning(path, arm, knots, q, refine_near)
     return _refine_solution(path, arm, knots, poses, q)
 
 
@@ -622,7 +614,8 @@ def _trace_serial(
     leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
         if leaning:
-            return _complete(attempts(path, arm, near, tolerance), max_count)
+            refine_near = partial(_refine_guided, arm, tolerance)
+            return _complete(attempts(path, arm, near, refine_near), max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
         # From a seed, only one configuration is tried; callers try the others. Near the pole of a
@@ -686,21 +679,21 @@ def _refine_solution(
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
-    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+    return _refine_guided(arm, tolerance, path, knots, q, task, guide)
 
 
-def refine_guided(
-    path: Path,
+def _refine_guided(
     arm: SerialArm,
+    tolerance: float,
+    path: Path,
     knots: Knots,
     q: FloatArray,
     task: int,
     guide: Guide | None,
-    tolerance: float,
 ) -> JointPath:
     """Refine joint positions near those at knots to a joint path, and check its ranges.
 
-    - `q`: as in `_refine_solution`.
+    - `tolerance`, `q`: as in `_refine_solution`.
     - `task`: task dimension; the guide determines the other motions.
     """
     moving, joints = without_held(arm)
