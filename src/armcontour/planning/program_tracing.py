@@ -21,8 +21,25 @@ from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
-from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
+from armcontour.planning.still_rapids import (
+    find_gap,
+    rapids_to_contour,
+    trace_across,
+    trace_away,
+    trace_towards,
+)
+from armcontour.planning.tracing import (
+    Candidate,
+    is_redundant,
+    sketch_all,
+    trace,
+    trace_all,
+    trace_candidates,
+    trace_rest,
+    trace_to,
+)
 from armcontour.planning.tracing.joint_ranges import turn_by
+from armcontour.planning.tracing.leaning import may_lean
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -54,6 +71,12 @@ SAME_ON_PARTS = 1e-4
 BOUND_SHARE = 0.998
 # Durations that differ by at most this fraction, the accuracy of the planner, are equal.
 EQUALLY_FAST = 1e-6
+# An arm with external axes has the joint path of the lowest cost among those that are slower than
+# the fastest one by at most this fraction, because costs follow the weights of the joints.
+NEARLY_AS_FAST = 0.01
+# Joint paths of such an arm whose cost exceeds the lowest one by more than this factor are used
+# only if all others are rejected.
+COSTLY = 2.0
 # Name of the line from given joint positions to the first move, in messages.
 TO_FIRST = "rapid from the given start"
 # Location of errors of moves that the configuration of given joint positions does not complete.
@@ -255,6 +278,8 @@ class _Tracer:
     # closed; None for the place right before this path.
     rapid_step: int | None = None
     done: int = 0  # Number of traced contours
+    # Joint paths of later moves that are already traced, by the index of the move
+    ahead: dict[int, JointPath] = field(default_factory=dict)
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
@@ -265,7 +290,7 @@ class _Tracer:
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                known = self.known.get(self.done)
+                known = self.known.get(self.done, self.ahead.get(i))
                 self._append(i, self._trace(move.path, i) if known is None else known, called)
             self.done += 1
         elif not isinstance(move, Rapid):
@@ -285,6 +310,11 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
+            if self.arm.chain.still:
+                if i not in self.ahead:
+                    self._trace_ahead(i, lambda x: turn_along(x, before, after))
+                self._append(i, self.ahead[i], called)
+                return
             if self.done == 0 and 0 in self.known:
                 start = ends_of(self.known[0])[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
@@ -332,6 +362,41 @@ class _Tracer:
             if i not in self.fastest:
                 self.fastest[i] = self._fastest(path, i)
             return _without_unwinding(self.fastest[i], self.arm, end)
+
+    def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
+        """Trace the rapids from move i to the next contour, and this contour.
+
+        Joints that are still within contours move between them: on a joint motion without a path,
+        or else along the last rapid before the contour.
+
+        - `turn`: adds the orientation to the path of a rapid.
+        """
+        moves = self.program.moves
+        arm = self.arm
+        assert isinstance(arm, SerialArm)
+        rapids, k = rapids_to_contour(moves, i)
+        paths = [turn(x) for x in rapids.values()]
+        end = self._end
+        if k is None:
+            assert end is not None
+            self.ahead |= zip(rapids, trace_away(paths, arm, end), strict=True)
+            return
+        contour = moves[k]
+        assert isinstance(contour, Contour)
+        known = self.known.get(self.done)
+        self.ahead[k] = self._trace(contour.path, k) if known is None else known
+        start = ends_of(self.ahead[k])[0]
+        before = None if end is None or self.last is None else self.last.tool_path
+        gap = find_gap(moves, i, k, before)
+        if gap is not None:
+            count = sum(x < gap for x in rapids)
+            joint_paths = trace_away(paths[:count], arm, start if end is None else end)
+            joint_paths += trace_towards(paths[count:], arm, start)
+            self.ahead |= zip(rapids, joint_paths, strict=True)
+            return
+        assert end is not None
+        joint_paths = trace_across([*paths, contour.path], arm, end, start)
+        self.ahead |= zip([*rapids, k], joint_paths, strict=True)
 
     def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
         """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
@@ -382,7 +447,13 @@ class _Tracer:
         """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(
-            self, steps=[], last=joint_path, rapid_step=None, done=done, looks_ahead=False
+            self,
+            steps=[],
+            last=joint_path,
+            rapid_step=None,
+            done=done,
+            ahead={},
+            looks_ahead=False,
         )
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + LOOK_AHEAD:
@@ -503,35 +574,87 @@ def trace_by_duration(
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths, the fastest group first.
 
+    An arm that prefers the least motion has groups of one joint path, the least motion first.
+
     The path is traced in all configurations. The joint paths of a group are sorted by length, the
     shortest first. For a path of more than MANY_SEGMENTS segments, only the fastest is yielded.
     """
     bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > MANY_SEGMENTS and isinstance(arm, SerialArm):
+    is_long = isinstance(path, Path) and len(path) > MANY_SEGMENTS
+    if is_long and isinstance(arm, SerialArm) and not arm.chain.still:
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
         if joint_path is not None:
             yield [joint_path]
             return
-    joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    candidates = trace_candidates(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    joint_paths = [x.joint_path for x in candidates]
+    prefer = arm.chain.prefer if isinstance(arm, SerialArm) else None
     if len(joint_paths) == 1:
         yield joint_paths
+    elif prefer == "least motion":
+        yield from _by_cost(joint_paths, arm, rough)
+    elif prefer == "fastest" or not _compares_costs(path, arm):
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST)
     else:
-        yield from _group_by_duration(joint_paths, arm, rough)
+        for part in _divide_by_cost(candidates):
+            yield from _group_by_duration(part, arm, rough, NEARLY_AS_FAST)
+
+
+def _compares_costs(path: Path, arm: Arm) -> bool:
+    """Test whether costs choose among joint paths that are nearly as fast as the fastest one."""
+    # The costs of an arm without external axes and weights only measure the joint paths' lengths.
+    # A tool that may lean leans where that is faster.
+    if not isinstance(arm, SerialArm) or not is_redundant(path, arm) or may_lean(path, arm):
+        return False
+    chain = arm.chain
+    return len(chain.external) > 0 or bool((np.asarray(chain.weights) != 1.0).any())
+
+
+def _divide_by_cost(candidates: list[Candidate]) -> list[list[JointPath]]:
+    """Return the joint paths of low cost, and the others, if any."""
+    highest = COSTLY * candidates[0].cost
+    low = [x.joint_path for x in candidates if x.cost <= highest]
+    others = [x.joint_path for x in candidates if x.cost > highest]
+    return [low, others] if others else [low]
+
+
+def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Yield joint paths one by one in their order, which is that of their costs.
+
+    Joint paths that cannot be planned come last.
+
+    - `rough`: limits of the plans that show whether a joint path can be planned.
+    """
+    failed = []
+    for joint_path in joint_paths:
+        try:
+            plan_optimal(joint_path, arm, rough, COARSE_PLAN)
+        except ArmContourError:
+            failed.append(joint_path)
+            continue
+        yield [joint_path]
+    yield from ([x] for x in failed)
 
 
 def _group_by_duration(
-    joint_paths: list[JointPath], arm: Arm, rough: Limits
+    joint_paths: list[JointPath], arm: Arm, rough: Limits, slack: float
 ) -> Iterator[list[JointPath]]:
-    """Yield groups of equally fast joint paths, the fastest group first.
+    """Yield groups of equally fast joint paths.
+
+    The first group has the first one of the joint paths whose durations exceed the shortest one by
+    at most the fraction `slack`; the next group is found among the other joint paths.
 
     A joint path is planned only when its lower bound of the duration requires it.
 
     - `rough`: limits of the plans that compare joint paths.
     """
+    if len(joint_paths) == 1:
+        yield joint_paths
+        return
     lower_bounds = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(lower_bounds, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED_PIECES:
@@ -541,7 +664,7 @@ def _group_by_duration(
     durations: dict[int, float] = {}
     while order or durations:
         # Joint paths whose lower bounds exceed the fastest duration are planned later.
-        while order and BOUND_SHARE * lower_bounds[order[0]] <= min(
+        while order and BOUND_SHARE * lower_bounds[order[0]] <= (1 + slack) * min(
             durations.values(), default=np.inf
         ):
             i = order.pop(0)
@@ -550,7 +673,12 @@ def _group_by_duration(
             with suppress(ArmContourError):
                 durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
         shortest = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + EQUALLY_FAST))
+        first = min(i for i, x in durations.items() if x <= shortest * (1 + slack))
+        chosen = durations[first]
+        as_fast = sorted(
+            i for i, x in durations.items()
+            if x == chosen or abs(x - chosen) <= EQUALLY_FAST * chosen
+        )  # fmt: skip
         yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]
@@ -559,7 +687,7 @@ def _group_by_duration(
 def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
     """Return the joint positions [rad], (dof,), at the start of a path in each configuration."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    if len(path) > MANY_SEGMENTS:
+    if len(path) > MANY_SEGMENTS and not arm.chain.still:
         try:
             return [x[0] for x in sketch_all(path, arm)[1]]
         except Unreachable:

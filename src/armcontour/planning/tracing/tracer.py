@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
 
@@ -46,6 +46,7 @@ from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.preferences import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
@@ -66,8 +67,18 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
+# Number of steps in which joint positions are found along a path on which still joints move.
+STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Joint path of one configuration."""
+
+    joint_path: JointPath
+    cost: float  # Cost by which the joint paths of one tool path are sorted
 
 
 class Solver(ABC, Generic[A]):
@@ -394,6 +405,29 @@ def trace_all(
     starts are followed, and at most `MAX_SOLUTIONS` joint paths are returned (both in
     `branch_solutions`).
     """
+    candidates = trace_candidates(
+        path,
+        arm,
+        limits=limits,
+        configuration=configuration,
+        seed=seed,
+        tolerance=tolerance,
+        max_count=max_count,
+    )
+    return [x.joint_path for x in candidates]
+
+
+def trace_candidates(
+    path: Path,
+    arm: Arm,
+    *,
+    limits: Limits | None = None,
+    configuration: str | None = None,
+    seed: npt.ArrayLike | None = None,
+    tolerance: float = TRACING_TOLERANCE,
+    max_count: int | None = None,
+) -> list[Candidate]:
+    """Trace a path as `trace_all`, and return the joint paths with their costs."""
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}. Pass a program to plan, which "
@@ -409,9 +443,8 @@ def trace_all(
                 f"The arm {arm.name} has named branches. Specify a configuration instead of a seed."
             )
         branches = arm.branches if configuration is None else (configuration,)
-        return _complete(
-            (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
-        )
+        tries = [(partial(_trace_planar, path, arm, x, tolerance), 0.0) for x in branches]
+        return _complete(tries, max_count)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"Inverse kinematics is not available for {type(arm).__name__}. Use a SerialArm or "
@@ -424,6 +457,11 @@ def trace_all(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
+    if arm.chain.still:
+        from armcontour.planning.tracing.still_joints import trace_still
+
+        still_paths = trace_still(path, arm, near, tolerance, max_count)
+        return [Candidate(joint_path=x, cost=0.0) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -453,7 +491,7 @@ def sketch_all(
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
     moving, joints = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
@@ -462,6 +500,33 @@ def sketch_all(
     positions[:, :, joints] = [x.q for x in solutions]
     positions[:, :, list(arm.chain.held)] = list(arm.chain.held.values())
     return np.append(few.s0, path.length), list(positions)
+
+
+def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+    """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    try:
+        return task_dimension(path, moving)
+    except InvalidInput as error:
+        if not arm.chain.held:
+            raise
+        # Raises the error if the arm does not support the path even with all of its joints.
+        task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
+        raise ArmMismatch(
+            f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
+            f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
+            f"{list_held(arm.chain)}. Hold fewer joints, or prescribe less of the tool's "
+            "orientation (axis_only leaves the rotation about the tool axis free).",
+            joint=min(arm.chain.held),
+            needed=float(task),
+            allowed=float(moving.dof),
+        ) from None
+
+
+def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
+    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
+    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -496,6 +561,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -503,7 +569,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
     if start > REPEATED_POINT:
         before = trace(cut_path(path, 0.0, start).reversed(), arm, seed=seed)
         seed = np.clip(before(before.length), lower, upper)
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=seed)
 
     def positions(along: FloatArray) -> FloatArray:
@@ -534,9 +600,10 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=np.clip(back(back.length), lower, upper))
 
     def positions(along: FloatArray) -> FloatArray:
@@ -546,12 +613,66 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     return _trace_near(path, arm, positions, 0.0)
 
 
-def _is_redundant(path: Path, arm: SerialArm) -> bool:
+def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
+    """Trace a path on which the still joints move evenly from one position to another.
+
+    The other joints begin at `first` and follow; at the end they may differ from `last`.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        first: Joint positions at the start of the path [rad], (dof,).
+        last: Joint positions [rad], (dof,), of which those of the still joints count.
+
+    Raises:
+        Unreachable: The arm cannot follow the path in this way.
+    """
+    still = list(arm.chain.still)
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Return joint positions at increasing arc lengths [m], (n, dof)."""
+        count = np.ceil(np.diff(along, prepend=0.0) / path.length * STEPS_BETWEEN).astype(np.intp)
+        q = first.copy()
+        found = []
+        before = 0.0
+        for s, steps in zip(along, count, strict=True):
+            for x in np.linspace(before, s, steps + 1)[1:]:
+                q[still] = first[still] + (last[still] - first[still]) * x / path.length
+                q = _solve_near(path, arm, float(x), q)
+            before = s
+            found.append(q.copy())
+        return np.array(found)
+
+    return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
+def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArray:
+    """Return joint positions nearest to q [rad], (dof,), for a tool pose, with still joints kept.
+
+    - `s`: arc length of the pose [m].
+    """
+    from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
+
+    moving, joints = without_held(hold_still(arm, q))
+    task = dimension_of(path, arm, moving)
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
+    near = q[None, joints]
+    w = null_space(moving, pose, task, near)[:, None]
+    solution = near.copy()
+    if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
+        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+    found = q.copy()
+    found[joints] = solution[0]
+    return found
+
+
+def is_redundant(path: Path, arm: SerialArm) -> bool:
     """Test whether the joints of an arm that are not held can move while the tool point rests."""
     from armcontour.planning.tracing.leaning import may_lean
 
     moving, _ = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
@@ -580,7 +701,7 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if task_dimension(path, moving) == AXIS_TASK:
+    if dimension_of(path, arm, moving) == AXIS_TASK:
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
@@ -603,19 +724,20 @@ def _trace_planar(
 
 def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.leaning import attempts, may_lean
     from armcontour.planning.tracing.refusals import name_cause
 
     moving, joints = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
     leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
         if leaning:
             refine_near = partial(_refine_guided, arm, tolerance)
-            return _complete(attempts(path, arm, near, refine_near), max_count)
+            tries = ((x, 0.0) for x in attempts(path, arm, near, refine_near))
+            return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
         # From a seed, only one configuration is tried; callers try the others. Near the pole of a
@@ -632,12 +754,13 @@ def _trace_exactly(
     seed: FloatArray | None,
     tolerance: float,
     max_count: int | None,
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path in the configurations in which the tool has the required orientation.
 
     - `seed`: as in `trace`, for the joints that are not held, (joints,).
     """
     from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import numbered_as
 
     moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
@@ -651,8 +774,9 @@ def _trace_exactly(
             check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
         return joint_path
 
-    solutions = find_solutions(turned, moving, knots, poses, task, seed)
-    return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    with numbered_as(arm):
+        solutions = find_solutions(turned, moving, knots, poses, task, seed)
+    return _complete([(partial(refine_solution, x), x.cost) for x in solutions], max_count)
 
 
 def _refine_solution(
@@ -671,14 +795,16 @@ def _refine_solution(
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.stations import choose_stations
 
     moving, _ = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
-        w = null_space(moving, poses, task, q)
+        index = choose_stations(path, knots, poses).index
+        w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
-        guide = Guide.through(s, q, w, path.stops)
+        guide = Guide.through(s[index], q[index], w, path.stops)
     return _refine_guided(arm, tolerance, path, knots, q, task, guide)
 
 
@@ -717,22 +843,27 @@ def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPa
     return replace(joint_path, coefficients=coefficients)
 
 
-def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Trace a path in all configurations that complete it; raise the first error if none does."""
-    joint_paths: list[JointPath] = []
+def _complete(
+    tries: Iterable[tuple[Callable[[], JointPath], float]], max_count: int | None
+) -> list[Candidate]:
+    """Trace a path in all configurations that complete it; raise the first error if none does.
+
+    - `tries`: for each configuration, a function that traces the path, and the cost.
+    """
+    candidates: list[Candidate] = []
     refusals: list[Unreachable] = []
-    for attempt in tries:
-        if max_count is not None and len(joint_paths) == max_count:
+    for attempt, cost in tries:
+        if max_count is not None and len(candidates) == max_count:
             break
         # A configuration that is singular or leaves a joint range between knots does not exclude
         # the others.
         try:
-            joint_paths.append(attempt())
+            candidates.append(Candidate(joint_path=attempt(), cost=cost))
         except Unreachable as error:
             refusals.append(error)
-    if not joint_paths:
+    if not candidates:
         raise refusals[0]
-    return joint_paths
+    return candidates
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
