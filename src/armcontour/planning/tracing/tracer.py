@@ -28,6 +28,8 @@ from armcontour.planning.tracing.joint_ranges import (
     turn_into_range,
 )
 from armcontour.planning.tracing.knots import (
+    AXIS_TASK,
+    FINER,
     MIDDLE,
     PLACES,
     Knots,
@@ -38,6 +40,7 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
     suggest_remedy,
     task_dimension,
+    without_held,
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
@@ -64,12 +67,6 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
-# Task dimension of the position and the tool axis, and of the position alone.
-AXIS_TASK = 5
-POSITION_TASK = 3
-# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
-# between these knots
-FINER = 3
 # Number of steps in which joint positions are found along a path on which still joints move.
 STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
@@ -505,12 +502,6 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
-    """Return the arm without its held joints, and the indices of the other joints."""
-    held = list(arm.chain.held)
-    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
-
-
 def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
     """Return the task dimension of a path for an arm without its held joints, `moving`."""
     try:
@@ -714,7 +705,8 @@ def _trace_near(
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
-            return trace_leaning(path, arm, knots, poses, q)
+            refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
+            return trace_leaning(path, arm, knots, q, refine_near)
     return _refine_solution(path, arm, knots, poses, q)
 
 
@@ -743,7 +735,8 @@ def _trace_serial(
     leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
         if leaning:
-            tries = ((x, 0.0) for x in attempts(path, arm, near, tolerance))
+            refine_near = partial(_refine_guided, arm, tolerance)
+            tries = ((x, 0.0) for x in attempts(path, arm, near, refine_near))
             return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
@@ -812,21 +805,21 @@ def _refine_solution(
         w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s[index], q[index], w, path.stops)
-    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+    return _refine_guided(arm, tolerance, path, knots, q, task, guide)
 
 
-def refine_guided(
-    path: Path,
+def _refine_guided(
     arm: SerialArm,
+    tolerance: float,
+    path: Path,
     knots: Knots,
     q: FloatArray,
     task: int,
     guide: Guide | None,
-    tolerance: float,
 ) -> JointPath:
     """Refine joint positions near those at knots to a joint path, and check its ranges.
 
-    - `q`: as in `_refine_solution`.
+    - `tolerance`, `q`: as in `_refine_solution`.
     - `task`: task dimension; the guide determines the other motions.
     """
     moving, joints = without_held(arm)
