@@ -120,11 +120,11 @@ class Chain(Checked):
         weights: Weights of the joint motions for a redundant arm, (n,); 1 by default. A joint with
             a larger weight moves less.
         held: Positions at which some joints stay [rad], by index; by default all joints move.
+        followers: Joints that follow other joints, in the order from the base; by default none.
         still: Indices of joints that stay still within each contour; by default none.
         ranges: Preferred ranges of some joints [rad], by index, inside the joints' own ranges.
         prefer: What the planner prefers if a redundant arm can follow a path in several ways; None
             weighs time against joint motion.
-        followers: Joints that follow other joints, in the order from the base; by default none.
         positioner: The positioner whose axes are the first joints, from the part to the floor; None
             without one. With a positioner the base is the table, and its frame is that of the floor
             with these joints at 0.
@@ -158,10 +158,10 @@ class Chain(Checked):
     prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
     weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
     held: Mapping[int, float] = field(default_factory=dict)
+    followers: tuple[Follower, ...] = ()
     still: tuple[int, ...] = ()
     ranges: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     prefer: Prefer | None = None
-    followers: tuple[Follower, ...] = ()
     positioner: Positioner | None = None
     floor_link: int = 0
     floor: Frame = field(default_factory=Frame)
@@ -397,6 +397,7 @@ class Chain(Checked):
         before = Frame()
         floor = self.floor
         moving = np.setdiff1d(np.arange(len(self)), list(self.held))
+        number = {k: i for i, k in enumerate(moving.tolist())}
         k = -1
         for row in self.rows:
             before = before @ row.place
@@ -420,7 +421,6 @@ class Chain(Checked):
                 before = Frame()
             if k + 1 == self.floor_link and not row.follows:
                 floor = before @ floor
-        number = {k: i for i, k in enumerate(moving.tolist())}
         return self.replace(
             **joint_rows(self, moving)
             | {
@@ -429,9 +429,9 @@ class Chain(Checked):
                 **dict.fromkeys(("masses", "centers", "inertias")),
             },
             held={},
+            followers=tuple(followers),
             still=tuple(number[k] for k in self.still if k in number),
             ranges={number[k]: x for k, x in self.ranges.items() if k in number},
-            followers=tuple(followers),
             floor_link=int(np.sum(moving < self.floor_link)),
             floor=floor,
             tip=before @ self.tip,

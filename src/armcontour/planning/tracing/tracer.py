@@ -461,7 +461,7 @@ def sketch_all(
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
     moving, joints = without_held(arm)
-    task = _task(path, arm, moving)
+    task = dimension_of(path, arm, moving)
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
@@ -478,7 +478,7 @@ def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
 
 
-def _task(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
     """Return the task dimension of a path for an arm without its held joints, `moving`."""
     try:
         return task_dimension(path, moving)
@@ -631,7 +631,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     from armcontour.planning.tracing.strained_postures import targets_at
 
     moving, joints = without_held(hold_still(arm, q))
-    task = _task(path, arm, moving)
+    task = dimension_of(path, arm, moving)
     pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
     w = null_space(moving, pose, task, near)[:, None]
@@ -648,7 +648,7 @@ def _is_redundant(path: Path, arm: SerialArm) -> bool:
     from armcontour.planning.tracing.leaning import may_lean
 
     moving, _ = without_held(arm)
-    task = _task(path, arm, moving)
+    task = dimension_of(path, arm, moving)
     return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
@@ -677,7 +677,7 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if _task(path, arm, moving) == AXIS_TASK:
+    if dimension_of(path, arm, moving) == AXIS_TASK:
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
@@ -705,7 +705,7 @@ def _trace_serial(
     from armcontour.planning.tracing.refusals import name_cause
 
     moving, joints = without_held(arm)
-    task = _task(path, arm, moving)
+    task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
     try:
         if task == AXIS_TASK and may_lean(path, moving):
@@ -762,7 +762,7 @@ def _refine_solution(
     from armcontour.planning.tracing.smoothing import null_space
 
     moving, _ = without_held(arm)
-    task = _task(path, arm, moving)
+    task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
