@@ -2,7 +2,6 @@
 
 from armcontour.planning.tracing.joint_ranges import check_joint_range
 from armcontour.planning.tracing.tracer import (
-    hold_still,
     sketch_all,
     trace,
     trace_all,
@@ -13,7 +12,6 @@ from armcontour.planning.tracing.tracer import (
 
 __all__ = [
     "check_joint_range",
-    "hold_still",
     "sketch_all",
     "trace",
     "trace_all",
