@@ -87,6 +87,11 @@ def posture_cost(arm: SerialArm, joint_path: JointPath) -> float:
     return _costs(arm, joint_path)[1]
 
 
+def cost_of(arm: SerialArm, joint_path: JointPath) -> float:
+    """Return the cost of a joint path's motion and of its postures."""
+    return sum(_costs(arm, joint_path))
+
+
 def _costs(arm: SerialArm, joint_path: JointPath) -> tuple[float, float]:
     """Return the costs of a joint path's motion and of its postures; their sum is `PostureCost`."""
     s = np.linspace(0.0, joint_path.length, SAMPLES)
@@ -115,7 +120,7 @@ def _trace_at_best(
     if not found:
         assert refusal is not None
         raise refusal
-    return sorted(found, key=lambda x: sum(_costs(arm, x)))
+    return sorted(found, key=lambda x: cost_of(arm, x))
 
 
 def _starts(arm: SerialArm, relaxed: JointPath) -> Iterator[FloatArray]:
