@@ -50,6 +50,8 @@ SAME_JOINT_POSITION = 1e-9
 SAME_VERTEX = 1e-12
 # Options of the coarse plans by which configurations are compared
 COARSE_PLAN = Optimal(intervals=400)
+# Options of the plans for an arm that prefers the fastest joint path
+FINE_PLAN = Optimal()
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED_PIECES = 8_000
 # On paths of more segments than this, configurations are compared on parts of the path.
@@ -597,7 +599,9 @@ def trace_by_duration(
         yield joint_paths
     elif prefer == "least motion":
         yield from _by_cost(candidates, arm, rough)
-    elif prefer == "fastest" or not _compares_costs(path, arm):
+    elif prefer == "fastest":
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST, FINE_PLAN)
+    elif not _compares_costs(path, arm):
         yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST)
     else:
         for part in _divide_by_cost(candidates):
@@ -642,7 +646,11 @@ def _by_cost(candidates: list[Candidate], arm: Arm, rough: Limits) -> Iterator[l
 
 
 def _group_by_duration(
-    joint_paths: list[JointPath], arm: Arm, rough: Limits, slack: float
+    joint_paths: list[JointPath],
+    arm: Arm,
+    rough: Limits,
+    slack: float,
+    options: Optimal = COARSE_PLAN,
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths.
 
@@ -652,6 +660,7 @@ def _group_by_duration(
     A joint path is planned only when its lower bound of the duration requires it.
 
     - `rough`: limits of the plans that compare joint paths.
+    - `options`: options of these plans.
     """
     if len(joint_paths) == 1:
         yield joint_paths
@@ -672,7 +681,7 @@ def _group_by_duration(
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, options).duration
         shortest = min(durations.values())
         first = min(i for i, x in durations.items() if x <= shortest * (1 + slack))
         chosen = durations[first]

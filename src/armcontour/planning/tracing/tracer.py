@@ -463,7 +463,8 @@ def trace_candidates(
     if arm.chain.still:
         from armcontour.planning.tracing.still_joints import cost_of, trace_still
 
-        still_paths = trace_still(path, arm, near, max_count, partial(trace_all, tolerance=tolerance))
+        trace_others = partial(trace_all, tolerance=tolerance)
+        still_paths = trace_still(path, arm, near, max_count, trace_others)
         return [Candidate(joint_path=x, cost=cost_of(arm, x)) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
