@@ -46,7 +46,7 @@ from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
-from armcontour.robot.preferences import list_held
+from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
@@ -458,10 +458,11 @@ def trace_candidates(
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
     if arm.chain.still:
-        from armcontour.planning.tracing.still_joints import trace_still
+        from armcontour.planning.tracing.still_joints import cost_of, trace_still
 
-        still_paths = trace_still(path, arm, near, tolerance, max_count)
-        return [Candidate(joint_path=x, cost=0.0) for x in still_paths]
+        trace_others = partial(trace_all, tolerance=tolerance)
+        still_paths = trace_still(path, arm, near, max_count, trace_others)
+        return [Candidate(joint_path=x, cost=cost_of(arm, x)) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -524,11 +525,6 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
         ) from None
 
 
-def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
-    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
-    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
-
-
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     """Return indices of knots every `step` [m] or CHORD_TURN of rotation, and of the last knot."""
     from armcontour.planning.tracing.branch_solutions import CHORD_TURN
@@ -561,7 +557,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
-    arm = hold_still(arm, known)
+    arm = arm.hold_still(known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -600,7 +596,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
-    arm = hold_still(arm, q)
+    arm = arm.hold_still(q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not is_redundant(path, arm):
@@ -654,7 +650,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     from armcontour.planning.tracing.smoothing import null_space
     from armcontour.planning.tracing.strained_postures import targets_at
 
-    moving, joints = without_held(hold_still(arm, q))
+    moving, joints = without_held(arm.hold_still(q))
     task = dimension_of(path, arm, moving)
     pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
