@@ -228,7 +228,9 @@ class Chain(Checked):
         rows: list[Row] = []
         for k in range(len(self)):
             place = Frame(position=self.positions[k], rotation=self.rotations[k])
-            rows.append(Row(self.joints[k], place, self.axes[k], bool(self.slides[k]), k, 1.0, False))
+            rows.append(
+                Row(self.joints[k], place, self.axes[k], bool(self.slides[k]), k, 1.0, False)
+            )
             for x in self.followers:
                 if x.after == k:
                     name = f"follower of {self.joints[x.leader]}"
