@@ -381,8 +381,8 @@ class Chain(Checked):
 
     def without_held(self) -> Chain:
         """Return the chain for kinematics in which the held joints are rigid."""
-        frames = []
-        followers = []
+        frames: list[Frame] = []
+        followers: list[Follower] = []
         before = Frame()
         floor = self.floor
         moving = np.setdiff1d(np.arange(len(self)), list(self.held))
