@@ -12,6 +12,7 @@ from armcontour.robot.tool_turning import REACHED_ANGLE
 
 # Task dimensions, as in `pose_solver.py`:
 WHOLE = 6  # The whole tool pose.
+ONE_ROTATION = 4  # The tool point and the rotation about one direction.
 TURNED = 4  # The tool point and the rotation about the direction of parallel joints.
 POINT = 3  # The tool point only.
 # Number of joint positions at which the search starts. With this number it found all eight
@@ -22,6 +23,10 @@ SEARCH_WEIGHT = 0.5
 # Weight of a radian relative to a metre in the search for the reachable tool point nearest to a
 # pose [m/rad].
 REACH_WEIGHT = 10.0
+# The same weight in the search for the smallest angle at a position [m/rad], and the distance at
+# which the position is reached [m].
+ANGLE_WEIGHT = 1e-3
+SAME_POSITION = 1e-4
 # Largest number of steps in each search.
 MAX_SEARCH_STEPS = 200
 # Number of joint positions at which the search for the nearest reachable tool point starts.
@@ -128,6 +133,25 @@ def out_of_reach(arm: Arm, poses: FloatArray, task: int, q: FloatArray) -> Float
         q: Joint positions at which the search starts [rad], (k, dof).
     """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
+
+
+def smallest_angle(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> float:
+    """Return the tool's smallest angle to a required orientation [rad], at the required position.
+
+    Infinite if no search reaches the position.
+
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions at which the search starts [rad], (k, dof).
+    """
+    target = np.ascontiguousarray(pose)
+    errors = pose_solver.approach(
+        arm.link_table, task, target, q.copy(), ANGLE_WEIGHT, MAX_SEARCH_STEPS
+    )
+    angles = errors[errors[:, 0] < SAME_POSITION, 1]
+    return float(angles.min(initial=np.inf))
 
 
 def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:

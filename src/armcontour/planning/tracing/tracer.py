@@ -41,7 +41,10 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.preferences import list_held
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -61,9 +64,14 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
+# Number of steps in which joint positions are found along a path on which still joints move.
+STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
@@ -122,6 +130,13 @@ class Solver(ABC, Generic[A]):
         q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
+
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m].
+
+        An arm in the plane stops only where it is singular.
+        """
+        return 0.0
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
@@ -205,8 +220,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         coarse = knots.part(too_coarse)
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
-            s_singular = float(coarse.s0[small[0]])
-            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
+            first = small[0]
+            refuse_stop(solver, float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -227,14 +242,24 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
-def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Raise Unreachable at a point of the path at which the joints have no unique motion.
+def refuse_stop(solver: Solver[Any], s: float, *q: FloatArray) -> NoReturn:
+    """Raise Unreachable at a point of the path behind which the joint path does not go on.
 
     - `s`: arc length of the point [m].
-    - `state`: state of the arm at the point, such as "is singular".
+    - `q`: joint positions near the point [rad], (dof,) each.
     """
+    from armcontour.planning.tracing.causes import SINGULAR
+
     path = solver.path
     point = solver.path(s).tolist()
+    value = min(solver.smallest_singular_value(s, x) for x in q if np.isfinite(x).all())
+    is_singular = value <= SINGULAR
+    state = "is singular"
+    if not is_singular:
+        state = (
+            "would have to jump between configurations, though it is not singular (smallest "
+            f"singular value {value:.2g})"
+        )
     raise Unreachable(
         describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
@@ -242,7 +267,7 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
         f"{suggest_remedy(path)}.",
         point=point,
         s=s,
-        limit="singularity",
+        limit="singularity" if is_singular else "continuity",
     )
 
 
@@ -274,7 +299,9 @@ class NumericSolver(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+            assert guess is not None
+            first = int(np.argmax(bad))
+            refuse_stop(self, float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -287,6 +314,14 @@ class NumericSolver(Solver[SerialArm]):
         if self.task in WHOLE_ROTATIONS:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
+
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m]."""
+        from armcontour.planning.tracing.causes import smallest_singular_value
+        from armcontour.planning.tracing.strained_postures import targets_at
+
+        pose = targets_at(self.path, np.array([s]))[0]
+        return smallest_singular_value(self.arm, pose, self.task, q)[0]
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -395,6 +430,10 @@ def trace_all(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
+    if arm.chain.still:
+        from armcontour.planning.tracing.still_joints import trace_still
+
+        return trace_still(path, arm, near, tolerance, max_count)
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -423,8 +462,8 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    moving, joints = without_held(arm)
+    task = dimension_of(path, arm, moving)
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
@@ -435,10 +474,37 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
+
+
+def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+    """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    try:
+        return task_dimension(path, moving)
+    except InvalidInput as error:
+        if not arm.chain.held:
+            raise
+        # Raises the error if the arm does not support the path even with all of its joints.
+        task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
+        raise ArmMismatch(
+            f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
+            f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
+            f"{list_held(arm.chain)}. Hold fewer joints, or prescribe less of the tool's "
+            "orientation (axis_only leaves the rotation about the tool axis free).",
+            joint=min(arm.chain.held),
+            needed=float(task),
+            allowed=float(moving.dof),
+        ) from None
+
+
+def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
+    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
+    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -473,6 +539,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -511,6 +578,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not _is_redundant(path, arm):
@@ -523,10 +591,67 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     return _trace_near(path, arm, positions, 0.0)
 
 
+def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
+    """Trace a path on which the still joints move evenly from one position to another.
+
+    The other joints begin at `first` and follow; at the end they may differ from `last`.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        first: Joint positions at the start of the path [rad], (dof,).
+        last: Joint positions [rad], (dof,), of which those of the still joints count.
+
+    Raises:
+        Unreachable: The arm cannot follow the path in this way.
+    """
+    still = list(arm.chain.still)
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Return joint positions at increasing arc lengths [m], (n, dof)."""
+        count = np.ceil(np.diff(along, prepend=0.0) / path.length * STEPS_BETWEEN).astype(np.intp)
+        q = first.copy()
+        found = []
+        before = 0.0
+        for s, steps in zip(along, count, strict=True):
+            for x in np.linspace(before, s, steps + 1)[1:]:
+                q[still] = first[still] + (last[still] - first[still]) * x / path.length
+                q = _solve_near(path, arm, float(x), q)
+            before = s
+            found.append(q.copy())
+        return np.array(found)
+
+    return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
+def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArray:
+    """Return joint positions nearest to q [rad], (dof,), for a tool pose, with still joints kept.
+
+    - `s`: arc length of the pose [m].
+    """
+    from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
+
+    moving, joints = without_held(hold_still(arm, q))
+    task = dimension_of(path, arm, moving)
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
+    near = q[None, joints]
+    w = null_space(moving, pose, task, near)[:, None]
+    solution = near.copy()
+    if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
+        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+    found = q.copy()
+    found[joints] = solution[0]
+    return found
+
+
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
-    """Test whether the joints of an arm that are not held can move while the tool rests."""
-    moving, _ = _moving(arm)
-    return task_dimension(path, moving) < moving.dof
+    """Test whether the joints of an arm that are not held can move while the tool point rests."""
+    from armcontour.planning.tracing.leaning import may_lean
+
+    moving, _ = without_held(arm)
+    task = dimension_of(path, arm, moving)
+    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -544,7 +669,7 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
-    _, joints = _moving(arm)
+    moving, joints = without_held(arm)
     knots = first_knots(path, arm.span, FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
@@ -553,7 +678,13 @@ def _trace_near(
         knots = knots.halve(split, u)[0]
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
-    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+    poses = row_of_poses(path, knots)
+    if dimension_of(path, arm, moving) == AXIS_TASK:
+        from armcontour.planning.tracing.leaning import leans, trace_leaning
+
+        if leans(moving, poses, q):
+            return trace_leaning(path, arm, knots, poses, q)
+    return _refine_solution(path, arm, knots, poses, q)
 
 
 def _trace_planar(
@@ -572,19 +703,54 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
-    from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.leaning import attempts, may_lean
+    from armcontour.planning.tracing.refusals import name_cause
 
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    moving, joints = without_held(arm)
+    task = dimension_of(path, arm, moving)
+    near = None if seed is None else seed[joints]
+    leaning = task == AXIS_TASK and may_lean(path, moving)
+    try:
+        if leaning:
+            return _complete(attempts(path, arm, near, tolerance), max_count)
+        return _trace_exactly(path, arm, task, near, tolerance, max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
+        # head, the singularity of the required axis is no cause.
+        if seed is not None or (leaning and cone_of(path) == 0.0):
+            raise
+        raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
+
+
+def _trace_exactly(
+    path: Path,
+    arm: SerialArm,
+    task: int,
+    seed: FloatArray | None,
+    tolerance: float,
+    max_count: int | None,
+) -> list[JointPath]:
+    """Trace a path in the configurations in which the tool has the required orientation.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
+    from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import numbered_as
+
+    moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
     knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        if cone_of(path) > 0.0:
+            # The tool turns about one direction only, and differs from the required axis.
+            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+        return joint_path
 
-    near = None if seed is None else seed[joints]
-    solutions = find_solutions(turned, moving, knots, poses, task, near)
+    with numbered_as(arm):
+        solutions = find_solutions(turned, moving, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
@@ -605,13 +771,31 @@ def _refine_solution(
     """
     from armcontour.planning.tracing.smoothing import null_space
 
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    moving, _ = without_held(arm)
+    task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
+    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+
+
+def refine_guided(
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    q: FloatArray,
+    task: int,
+    guide: Guide | None,
+    tolerance: float,
+) -> JointPath:
+    """Refine joint positions near those at knots to a joint path, and check its ranges.
+
+    - `q`: as in `_refine_solution`.
+    - `task`: task dimension; the guide determines the other motions.
+    """
+    moving, joints = without_held(arm)
     numeric = NumericSolver(turn_as_tool(path, moving), moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
     if numeric.path is not path:
