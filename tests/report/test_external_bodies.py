@@ -16,7 +16,11 @@ TURN = {"name": "turn", "axis": [0.0, 0.1, 1.0], "origin": [0.95, 0.1, 0.45]}
 RANGE = {"lower": -3.0, "upper": 3.0, "velocity": 1.5, "acceleration": 2.0}
 FRAME = {"position": [0.95, 0.1, 0.45]}
 PATH = {"points": [[0, 0, 0.05], [0.1, 0, 0.05]], "orientation": {"axis": [0, 0, -1]}}
-SLIDES = {"gx": ("1 0 0", "0 0 0", 0, 6), "gy": ("0 1 0", "0 0 0", 0, 3), "gz": ("0 0 -1", "0 0 3", 0, 1)}
+SLIDES = {
+    "gx": ("1 0 0", "0 0 0", 0, 6),
+    "gy": ("0 1 0", "0 0 0", 0, 3),
+    "gz": ("0 0 -1", "0 0 3", 0, 1),
+}
 HEIGHT = 3.0
 
 
@@ -126,7 +130,9 @@ def test_a_structure_stands_on_the_floor_and_is_visible(floor):
     lowest = min(x[:, 2].min() for x in [beam, *stands])
     assert lowest == pytest.approx(ground, abs=1e-6)
     assert beam[:, 2].max() > ground + 0.005
-    assert ground == (pytest.approx(floor, abs=1e-9) if floor is not None else pytest.approx(lowest))
+    assert ground == (
+        pytest.approx(floor, abs=1e-9) if floor is not None else pytest.approx(lowest)
+    )
     if floor is None:
         assert ground < 0.0
 
@@ -216,7 +222,9 @@ def test_links_without_shapes_are_sticks_between_the_joints(tmp_path):
 
 
 def test_a_tool_with_shapes_has_no_cone():
-    torch = [{"type": "cylinder", "name": "torch", "at": [0, 0, 0.1], "radius": 0.02, "length": 0.2}]
+    torch = [
+        {"type": "cylinder", "name": "torch", "at": [0, 0, 0.1], "radius": 0.02, "length": 0.2}
+    ]
     plain = {"name": "ur10e", "tool": {"position": [0, 0, 0.3]}}
     for tool, names in ((plain["tool"], ["tool"]), (plain["tool"] | {"shapes": torch}, ["torch"])):
         bodies = arm_frame(job(plain | {"tool": tool})).header["bodies"]
@@ -227,7 +235,13 @@ def test_axes_whose_links_have_shapes_are_not_drawn_twice():
     bare = cell()
     assert len(Drawing(arm_frame(bare)).named("tilt", np.zeros(9))) == 4
     table = {"link": "turn", "name": "table", "type": "box", "size": [0.4, 0.4, 0.05]}
-    slab = {"link": "base", "name": "slab", "type": "box", "size": [0.4, 3, 0.1], "at": [0, 1, -0.06]}
+    slab = {
+        "link": "base",
+        "name": "slab",
+        "type": "box",
+        "size": [0.4, 3, 0.1],
+        "at": [0, 1, -0.06],
+    }
     positioner = {"axes": [TILT | RANGE, TURN | RANGE]}
     arm = {"name": "ur10e", "rail": RAIL, "positioner": positioner, "shapes": [table, slab]}
     header = arm_frame(job(arm, path=PATH | {"frame": FRAME})).header
