@@ -103,7 +103,8 @@ def sampled(trajectory):
 def test_scara_follows_position_and_rotation_about_its_axis(tmp_path):
     arm = urdf_arm(tmp_path, SCARA)
     turned = np.array([[np.cos(1.0), np.sin(1.0), 0], [np.sin(1.0), -np.cos(1.0), 0], [0, 0, -1]])
-    start, end = (0.4, -0.2, 0.2), (0.4, 0.2, 0.15)
+    start = (0.4, -0.2, 0.2)
+    end = (0.4, 0.2, 0.15)
     path = ac.Path.polyline([start, end]).oriented(np.stack([DOWN, turned]))
     trajectory = ac.plan(path, arm, arm.limits, ac.Optimal())
     poses = scara_poses(sampled(trajectory))
@@ -181,7 +182,8 @@ def test_scara_on_a_rail_and_over_a_turntable(tmp_path):
 
 
 def test_gantry_with_one_rotation_about_the_tool(tmp_path):
-    start, end = (-1.0, -0.5, 0.6), (1.0, 0.5, 0.7)
+    start = (-1.0, -0.5, 0.6)
+    end = (1.0, 0.5, 0.7)
     path = ac.Path.polyline([start, end])
     arm = urdf_arm(tmp_path, gantry("0 0 1"))
     expected = None
