@@ -430,9 +430,8 @@ class _Robot:
                 self._raise_runaway(reached)
         self.steps += n
         in_chain = np.argsort(self.order)
-        return _DriveRecord.from_steps(
-            *(np.ascontiguousarray(x[:, in_chain]) for x in rows), self.step
-        )
+        ordered = Rows(*(np.ascontiguousarray(x[:, in_chain]) for x in rows))
+        return _DriveRecord.from_steps(*ordered, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Find rest positions [rad] and the loops' torques at rest [N m], (dof,) each.
