@@ -231,8 +231,13 @@ def refused_job(kind, seed):
                 ends = (max(center - half, low), min(center + half, high))
             if not ends[0] + 0.01 < ends[1]:
                 continue
-            changed = narrow(arm, joint, *map(float, ends))
+            ends = tuple(map(float, ends))
             change = f"range {ends[0]:.3f} to {ends[1]:.3f}"
+            if rng.random() < 0.5:
+                changed = narrow(arm, joint, *ends)
+            else:
+                changed = arm.with_preferences({name: JointPreference(range=ends)})
+                change = f"preferred {change}"
         start = time.process_time()
         error = reason(path, changed)
         seconds = time.process_time() - start
@@ -282,7 +287,7 @@ def main(count, first=0):
             if job.is_named:
                 works.append(job.is_remedied())
                 mark += "" if works[-1] else ", remedy fails"
-            print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:28} {mark:10} "
+            print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:34} {mark:10} "
                   f"{job.seconds:5.2f} s", flush=True)  # fmt: skip
             if not job.is_named:
                 print(f"    {job.error}", flush=True)

@@ -98,8 +98,15 @@ class Relaxation:
 
     @property
     def size(self) -> float:
-        """Change of the value that the path needs [rad or m]; larger for the tilt."""
-        return abs(self.needed - self.allowed) * (TILT_SIZE if self.kind == "tilt" else 1.0)
+        """Size of the change, by which causes are compared.
+
+        It is the excess times the width of the range that the path needs: a narrow range is more
+        likely to be the cause than a wide one that is exceeded by as much.
+        """
+        excess = abs(self.needed - self.allowed)
+        if self.kind == "tilt":
+            return excess * TILT_SIZE
+        return excess * (max(self.most, self.upper) - min(self.least, self.lower))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +143,8 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
         return Findings(singularity=None, relaxations=(), strained=(), is_feasible=True)
     found = [replace(x, joint=_index(moving, x.joint)) for x in study.relax()]
     strained = [replace(x, joint=_index(moving, x.joint)) for x in study.strained()]
-    found.sort(key=lambda x: x.size)
+    # What a preference fixes is easier to change than a range of the robot.
+    found.sort(key=lambda x: (x.joint not in arm.chain.ranges, x.size))
     found = [*_released(path, arm, task), *found]
     if task == WHOLE and not any(x.kind == "hold" for x in found):
         free = _Study.of(path, arm.without_held(), 5)
@@ -277,6 +285,8 @@ class _Study:
 
     def relax(self) -> list[Relaxation]:
         """Return the ranges, and the tilt, that make the path feasible if relaxed alone."""
+        if not len(self.starts):
+            return []
         # If no posture reaches the end, any range may be the cause.
         candidates = self.touched > 0.0 if len(self.q) else np.ones_like(self.touched, np.bool_)
         owner, starts = self._relaxed_starts(np.flatnonzero(candidates).tolist())

@@ -22,9 +22,9 @@ from armcontour.core.frames import angle_between, exp, shortest
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.branch_solutions import Solution, find_solutions
-from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.guide import Guide
 from armcontour.planning.tracing.knots import Knots, first_knots, row_of_poses, task_dimension
+from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.smoothing import null_space, smooth
 from armcontour.planning.tracing.stations import choose_stations
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
