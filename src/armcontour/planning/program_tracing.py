@@ -347,14 +347,6 @@ class _Tracer:
                 self.fastest[i] = self._fastest(path, i)
             return _without_unwinding(self.fastest[i], self.arm, end)
 
-    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
-        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
-        orientation = path.orientation
-        if orientation is not None and orientation.cone > 0.0:
-            # The tool may lean in several ways, which differ in duration and clearance.
-            return self._fastest(path, i, q)
-        return trace(path, self.arm, **configuration_of(self.arm, q))
-
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
 
@@ -389,6 +381,14 @@ class _Tracer:
         assert end is not None
         joint_paths = trace_across([*paths, contour.path], arm, end, start)
         self.ahead |= zip([*rapids, k], joint_paths, strict=True)
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""

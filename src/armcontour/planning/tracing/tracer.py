@@ -41,8 +41,10 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 from armcontour.robot.preferences import list_held
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -471,6 +473,8 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             raise
         # Raises the error if the arm does not support the path even with all of its joints.
         task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
         raise ArmMismatch(
             f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
             f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
@@ -479,7 +483,7 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             joint=min(arm.chain.held),
             needed=float(task),
             allowed=float(moving.dof),
-        ) from error
+        ) from None
 
 
 def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
@@ -610,11 +614,11 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     - `s`: arc length of the pose [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
 
     moving, joints = without_held(hold_still(arm, q))
     task = dimension_of(path, arm, moving)
-    rotation = np.eye(3) if path.orientation is None else path.orientation(s)
-    pose = np.column_stack([rotation, path(s)])[None]
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
@@ -659,7 +663,7 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if task_dimension(path, moving) == AXIS_TASK:
+    if dimension_of(path, arm, moving) == AXIS_TASK:
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
@@ -689,13 +693,15 @@ def _trace_serial(
     moving, joints = without_held(arm)
     task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
+    leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
-        if task == AXIS_TASK and may_lean(path, moving):
+        if leaning:
             return _complete(attempts(path, arm, near, tolerance), max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
-        # From a seed, only one configuration is tried; callers try the others.
-        if seed is not None:
+        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
+        # head, the singularity of the required axis is no cause.
+        if seed is not None or (leaning and cone_of(path) == 0.0):
             raise
         raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
 
@@ -721,7 +727,11 @@ def _trace_exactly(
     poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        if cone_of(path) > 0.0:
+            # The tool turns about one direction only, and differs from the required axis.
+            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+        return joint_path
 
     with numbered_as(arm):
         solutions = find_solutions(turned, moving, knots, poses, task, seed)
