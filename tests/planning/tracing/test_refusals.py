@@ -37,12 +37,9 @@ def test_the_narrow_range_or_the_held_axis_is_named_and_the_remedy_works(kind, s
     np.testing.assert_allclose(job.error.point, job.path(job.error.s), atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5])
+@pytest.mark.parametrize("seed", [2, 3, 6, 9, 10, 11])
 def test_a_path_through_a_singularity_without_another_way_is_singular(seed):
-    job = singular_job(seed)
-    if job is None:
-        pytest.skip("The arm has another way.")
-    path, _, error = job
+    path, _, error = singular_job(seed)
     assert error.limit == "singularity"
     assert error.s == pytest.approx(path.length / 2, abs=1e-3 * path.length)
     # Axes 4 and 6 are in line there.
