@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
 
@@ -74,6 +74,14 @@ FINER = 3
 STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Joint path of one configuration."""
+
+    joint_path: JointPath
+    cost: float  # Cost by which the joint paths of one tool path are sorted
 
 
 class Solver(ABC, Generic[A]):
@@ -384,6 +392,29 @@ def trace_all(
     starts are followed, and at most `MAX_SOLUTIONS` joint paths are returned (both in
     `branch_solutions`).
     """
+    candidates = trace_candidates(
+        path,
+        arm,
+        limits=limits,
+        configuration=configuration,
+        seed=seed,
+        tolerance=tolerance,
+        max_count=max_count,
+    )
+    return [x.joint_path for x in candidates]
+
+
+def trace_candidates(
+    path: Path,
+    arm: Arm,
+    *,
+    limits: Limits | None = None,
+    configuration: str | None = None,
+    seed: npt.ArrayLike | None = None,
+    tolerance: float = TRACING_TOLERANCE,
+    max_count: int | None = None,
+) -> list[Candidate]:
+    """Trace a path as `trace_all`, and return the joint paths with their costs."""
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}. Pass a program to plan, which "
@@ -399,9 +430,8 @@ def trace_all(
                 f"The arm {arm.name} has named branches. Specify a configuration instead of a seed."
             )
         branches = arm.branches if configuration is None else (configuration,)
-        return _complete(
-            (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
-        )
+        tries = [(partial(_trace_planar, path, arm, x, tolerance), 0.0) for x in branches]
+        return _complete(tries, max_count)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"Inverse kinematics is not available for {type(arm).__name__}. Use a SerialArm or "
@@ -417,7 +447,8 @@ def trace_all(
     if arm.chain.still:
         from armcontour.planning.tracing.still_joints import trace_still
 
-        return trace_still(path, arm, near, tolerance, max_count)
+        still_paths = trace_still(path, arm, near, tolerance, max_count)
+        return [Candidate(joint_path=x, cost=0.0) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -531,7 +562,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
     if start > REPEATED_POINT:
         before = trace(cut_path(path, 0.0, start).reversed(), arm, seed=seed)
         seed = np.clip(before(before.length), lower, upper)
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=seed)
 
     def positions(along: FloatArray) -> FloatArray:
@@ -565,7 +596,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=np.clip(back(back.length), lower, upper))
 
     def positions(along: FloatArray) -> FloatArray:
@@ -629,7 +660,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     return found
 
 
-def _is_redundant(path: Path, arm: SerialArm) -> bool:
+def is_redundant(path: Path, arm: SerialArm) -> bool:
     """Test whether the joints of an arm that are not held can move while the tool point rests."""
     from armcontour.planning.tracing.leaning import may_lean
 
@@ -685,7 +716,7 @@ def _trace_planar(
 
 def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.leaning import attempts, may_lean
     from armcontour.planning.tracing.refusals import name_cause
@@ -696,7 +727,8 @@ def _trace_serial(
     leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
         if leaning:
-            return _complete(attempts(path, arm, near, tolerance), max_count)
+            tries = ((x, 0.0) for x in attempts(path, arm, near, tolerance))
+            return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
         # From a seed, only one configuration is tried; callers try the others. Near the pole of a
@@ -713,7 +745,7 @@ def _trace_exactly(
     seed: FloatArray | None,
     tolerance: float,
     max_count: int | None,
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path in the configurations in which the tool has the required orientation.
 
     - `seed`: as in `trace`, for the joints that are not held, (joints,).
@@ -735,7 +767,7 @@ def _trace_exactly(
 
     with numbered_as(arm):
         solutions = find_solutions(turned, moving, knots, poses, task, seed)
-    return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    return _complete([(partial(refine_solution, x), x.cost) for x in solutions], max_count)
 
 
 def _refine_solution(
@@ -754,14 +786,16 @@ def _refine_solution(
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.stations import choose_stations
 
     moving, _ = without_held(arm)
     task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
-        w = null_space(moving, poses, task, q)
+        index = choose_stations(path, knots, poses).index
+        w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
-        guide = Guide.through(s, q, w, path.stops)
+        guide = Guide.through(s[index], q[index], w, path.stops)
     return refine_guided(path, arm, knots, q, task, guide, tolerance)
 
 
@@ -800,22 +834,27 @@ def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPa
     return replace(joint_path, coefficients=coefficients)
 
 
-def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Trace a path in all configurations that complete it; raise the first error if none does."""
-    joint_paths: list[JointPath] = []
+def _complete(
+    tries: Iterable[tuple[Callable[[], JointPath], float]], max_count: int | None
+) -> list[Candidate]:
+    """Trace a path in all configurations that complete it; raise the first error if none does.
+
+    - `tries`: for each configuration, a function that traces the path, and the cost.
+    """
+    candidates: list[Candidate] = []
     refusals: list[Unreachable] = []
-    for attempt in tries:
-        if max_count is not None and len(joint_paths) == max_count:
+    for attempt, cost in tries:
+        if max_count is not None and len(candidates) == max_count:
             break
         # A configuration that is singular or leaves a joint range between knots does not exclude
         # the others.
         try:
-            joint_paths.append(attempt())
+            candidates.append(Candidate(joint_path=attempt(), cost=cost))
         except Unreachable as error:
             refusals.append(error)
-    if not joint_paths:
+    if not candidates:
         raise refusals[0]
-    return joint_paths
+    return candidates
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
