@@ -1,6 +1,7 @@
 """Jobs that an arm can do, made impossible by one narrow range or one held axis, by seed.
 
-`python -m tests.planning.tracing.refused_jobs COUNT` prints a table of what the refusals name.
+`python -m tests.planning.tracing.refused_jobs COUNT` prints a table of what the refusals name, with
+COUNT jobs per kind; `COUNT FIRST LAST` does so for some of the kinds.
 """
 
 import re
@@ -270,10 +271,10 @@ def singular_job(seed):
     return None if error is None else (path, arm, error)
 
 
-def main(count, first=0):
-    """Print what is named in the refusals of a number of jobs per kind."""
+def main(count, first=0, last=len(KINDS)):
+    """Print what is named in the refusals of a number of jobs per kind, of some of the kinds."""
     total = []
-    for kind in KINDS[first:]:
+    for kind in KINDS[first:last]:
         jobs = []
         works = []
         seed = 0
@@ -298,7 +299,7 @@ def main(count, first=0):
               f"{np.mean([x.seconds for x in jobs]):.2f} s per refusal", flush=True)  # fmt: skip
         total += jobs
     said = []
-    for seed in range(50 * count):
+    for seed in range(50 * count if last == len(KINDS) else 0):
         if len(said) < 50 * count / 34 and (job := singular_job(seed)) is not None:
             path, _, error = job
             said.append(error.limit == "singularity" and abs(error.s / path.length - 0.5) < 0.05)
