@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -654,7 +654,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
     if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
-        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+        NumericSolver(path, moving, task, TRACING_TOLERANCE, None).refuse_stop(s, near[0])
     found = q.copy()
     found[joints] = solution[0]
     return found
