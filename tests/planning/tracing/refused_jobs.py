@@ -179,7 +179,8 @@ class Refused:
         for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", told[1]):
             values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
         lower, upper = (x[self.joint] for x in self.arm.limits.joint_range(self.arm.dof))
-        wider = narrow(self.arm, self.joint, min(lower, *values, upper), max(upper, *values, lower))
+        own = make_arm(self.kind, self.seed)
+        wider = narrow(own, self.joint, min(lower, *values), max(upper, *values))
         return reason(self.path, wider) is None
 
 

@@ -44,8 +44,9 @@ from armcontour.robot.inverse_kinematics import (
 NO_EXCESS = 1e-6
 # Angle by which the tilt may be exceeded between the poses that are looked at [rad].
 NO_TILT = 1e-6
-# Size of a change of the tilt relative to that of a range, because a tilt is at most some degrees.
-TILT_SIZE = 20.0
+# Size of a change of the tilt by 1 rad, as `Relaxation.size`. It is large, because a process allows
+# only some degrees.
+TILT_SIZE = 100.0
 # Number of first postures that are followed with all ranges.
 FOLLOWED = 12
 # Number of their paths, those with the smallest excess, that are improved.
@@ -106,7 +107,8 @@ class Relaxation:
         excess = abs(self.needed - self.allowed)
         if self.kind == "tilt":
             return excess * TILT_SIZE
-        return excess * (max(self.most, self.upper) - min(self.least, self.lower))
+        ends = [x for x in (self.least, self.most, self.lower, self.upper) if np.isfinite(x)]
+        return excess * (max(ends) - min(ends))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
