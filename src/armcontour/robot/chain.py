@@ -257,6 +257,14 @@ class Chain(Checked):
         after = np.array([x.after for x in self.followers], dtype=np.intp)
         return np.array([k + np.sum(after < k) for k in range(len(self))], dtype=np.intp)
 
+    def without_followers(self, frames: FloatArray) -> FloatArray:
+        """Return the frames of joints and tool, (n, joints + 1, 3, 4), from those of all rows.
+
+        Args:
+            frames: Frames of the `rows` and of the tool, (n, rows + 1, 3, 4).
+        """
+        return frames[:, [*self.joint_row, -1]] if self.followers else frames
+
     @property
     def external(self) -> tuple[int, ...]:
         """Indices of the external axes: those that carry the arm, then a positioner's.
@@ -491,7 +499,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     from armcontour.robot.kernels import frames_of
 
     frames = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
-    joints = frames[:, [*chain.joint_row, -1]]
+    joints = chain.without_followers(frames)
     poses = np.empty_like(joints)
     poses[:, 0] = chain.base.matrix
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
