@@ -1,6 +1,7 @@
 """Bodies of rails, gantries and positioners, against own kinematics."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -188,7 +189,8 @@ def test_beams_of_a_gantry_are_where_its_joints_move(tmp_path):
         # The carriage of the bridge stays on the bridge, that of the runways on the runways.
         assert bridge[:, 1].min() <= bridge_carriage[:, 1].min() + 1e-6
         assert bridge_carriage[:, 1].max() <= bridge[:, 1].max() + 1e-6
-        carriages, beams = runway[0::2], runway[1::2]
+        carriages = runway[0::2]
+        beams = runway[1::2]
         assert len(carriages) == len(beams) == 2
         for carriage, beam in zip(carriages, beams, strict=True):
             assert beam[:, 0].min() <= carriage[:, 0].min() + 1e-6
@@ -260,3 +262,29 @@ def test_the_base_of_an_arm_on_a_rail_is_at_its_origin():
     assert before and set(before) == set(after)
     for name, place in before.items():
         np.testing.assert_allclose(after[name].place.position, place.position + origin, atol=1e-12)
+
+
+def test_a_turntable_on_a_slide_stays_on_its_beam():
+    usual = {"velocity": 1.0, "acceleration": 2.0}
+    slide = ac.PositionerAxis(
+        name="slide", axis=(1, 0, 0), origin=(0.8, 0, 0.4), lower=-0.3, upper=0.6, prismatic=True,
+        **usual,
+    )  # fmt: skip
+    table = ac.PositionerAxis(
+        name="table", axis=(0, 0, 1), origin=(0.8, 0, 0.5), lower=-3, upper=3, **usual
+    )
+    arm = ac.load_arm("ur10e").with_positioner(ac.Positioner(axes=(slide, table)))
+    path = job("ur10e").program
+    drawing = Drawing(arm_frame(SimpleNamespace(arm=arm, scene=None, program=path)))
+    columns = {x["name"]: x["column"] for x in drawing.header["joints"]}
+    for at in (-0.3, 0.2, 0.6):
+        q = np.zeros(arm.dof)
+        q[columns["slide"]] = at
+        plate, housing = drawing.named("table", q)
+        carriage, beam = drawing.named("slide", q)
+        middles = [(x.max(axis=0) + x.min(axis=0)) / 2 for x in (plate, housing, carriage)]
+        for middle in middles:
+            np.testing.assert_allclose(middle[:2], [0.8 + at, 0.0], atol=1e-6)
+        assert beam[:, 0].min() <= carriage[:, 0].min() + 1e-6
+        assert carriage[:, 0].max() <= beam[:, 0].max() + 1e-6
+        assert carriage[:, 2].max() == pytest.approx(housing[:, 2].min(), abs=1e-6)

@@ -18,7 +18,7 @@ from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
-from armcontour.robot.preferences import narrow_ranges
+from armcontour.robot.preferred_chain import narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form_kinematics import ClosedForm
