@@ -284,13 +284,13 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
         # A ball about a point on the axis contains the body at any joint position.
         if row.slides:
             radii[row.leader] += 1.0
-            middle = row.place.position + row.place.rotation @ middle
+            middle = row.position + row.rotation @ middle
             continue
         along = row.axis * float(row.axis @ middle)
         radius = radius + float(np.linalg.norm(middle - along))
         # Joints that follow another one add their speed to that of this joint.
         radii[row.leader] += abs(row.factor) * radius
-        middle = row.place.position + row.place.rotation @ along
+        middle = row.position + row.rotation @ along
     middle = start
     radius = size
     for k in range(body.link, chain.floor_link):
