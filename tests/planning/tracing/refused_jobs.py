@@ -216,7 +216,8 @@ def refused_job(kind, seed):
             changed = arm.with_preferences({name: JointPreference(hold=position)})
             change = f"hold {position:.3f}"
         else:
-            least, most = q[:, joint].min(), q[:, joint].max()
+            least = q[:, joint].min()
+            most = q[:, joint].max()
             if rng.random() < 0.5:
                 share = rng.uniform(-0.3, 0.8)
                 cut = least + share * (most - least) - 0.05
