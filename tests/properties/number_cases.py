@@ -178,7 +178,7 @@ _UP = {"up": [0.0, 0.0, 1.0]}
 _GIVEN = [[math.pi, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
 _ORIENTED = [
     {"quaternion": _GIVEN[1]},
-    {"axis": _GIVEN[2]},
+    {"axis": _GIVEN[2], "cone": 0.1},
     {"follow_tangent": {**_UP, "rpy": _GIVEN[0]}},
     {"follow_tangent": {**_UP, "quaternion": _GIVEN[1]}},
 ]

@@ -341,8 +341,6 @@ table => tabel => part must be a link of ... 'tabel'
 table => upper => part upper ... on the branch of the arm ... tilt
 table => post => No joint moves between base and part
 <axis xyz="0 2 0"/> => <axis xyz="0 2 0"/><mimic joint="turn"/> => swing ... mimics
-name="swing" type="revolute" => name="swing" type="prismatic" => swing ... prismatic
-name="turn" type="revolute" => name="turn" type="continuous" => turn ... range ... continuous
 """
 
 

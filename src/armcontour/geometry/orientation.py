@@ -29,9 +29,9 @@ RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
 RELATIVE_LENGTH_ROUNDING = 1e-15
 WHOLE_ROTATION = (
-    "A cone allows other directions of the tool axis, so the rotation about this axis must be free. "
-    "Specify only the tool axis (in a job, path.orientation.axis, or axis_only: true; in Python, "
-    "path.pointing(direction), or axis_only=True), or remove the cone."
+    "A cone allows other directions of the tool axis, so the rotation about this axis must be "
+    "free. Specify only the tool axis (in a job, path.orientation.axis, or axis_only: true; in "
+    "Python, path.pointing(direction), or axis_only=True), or remove the cone."
 )
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
@@ -133,6 +133,7 @@ class Orientation(Checked):
             **_constant_rate_columns(n),
             axis_only=axis_only,
             follows=follows,
+            cone=0.0,
         )
 
     @classmethod

@@ -287,6 +287,7 @@ def _insert_blends(
         **no_third_rotation(len(first), 4),
         axis_only=axis_only,
         follows=False,
+        cone=0.0,
     )
 
 

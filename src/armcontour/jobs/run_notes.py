@@ -140,9 +140,9 @@ def _describe_head(result: RunRecord) -> Iterator[str]:
     paths = [x.path for x in result.path.contours if x.path.orientation is not None]
     if head is not None and any(has_head_tolerance(x, head) for x in paths):
         yield (
-            f"near the pole of the rotary axes, where joint {arm.joint_names[head.first]} is free, "
-            f"the tool axis may be up to {number(HEAD_TOLERANCE, 'rad')} from the required axis, so "
-            "that this joint does not turn far."
+            f"near the pole of the rotary axes, where joint {arm.joint_names[head.first]} is "
+            f"free, the tool axis may be up to {number(HEAD_TOLERANCE, 'rad')} from the required "
+            "axis, so that this joint does not turn far."
         )
 
 

@@ -24,7 +24,6 @@ from armcontour.robot.preferred_chain import apply_preferences, narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
-    from armcontour.robot.tool_turning import ToolTurning
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
@@ -114,13 +113,6 @@ class SerialArm(Arm):
         if rank == 0:
             return bool(np.linalg.matrix_rank(paths, tol=PARALLEL_AXES) < 3)
         return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL_AXES).all())
-
-    @cached_property
-    def tool_turning(self) -> ToolTurning | None:
-        """Rotations of the tool if it turns about one direction or not at all, otherwise None."""
-        from armcontour.robot.tool_turning import ToolTurning
-
-        return ToolTurning.of_arm(self)
 
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:

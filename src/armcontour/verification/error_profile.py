@@ -399,8 +399,8 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
     """Return the angle between the tool and the required tool orientation [rad], (n,).
 
-    If the path requires only an axis, the angle is between the tool axes. If it allows a cone around
-    this axis, the result is the angle by which the tool axis is outside the cone.
+    If the path requires only an axis, the angle is between the tool axes. If it allows a cone
+    around this axis, the result is the angle by which the tool axis is outside the cone.
 
     - `s`: arc lengths [m], (n,).
     - `turned`: rotation matrices of the tool, (n, 3, 3).

@@ -100,7 +100,8 @@ def test_a_cone_survives_what_is_made_of_a_path():
     made = [
         coned.reversed(),
         coned.placed(ac.Frame(position=(0.1, 0, 0)), scale=2.0),
-        coned + ac.Path.polyline([(0.2, 0.1, 0), (0.3, 0.1, 0)]).pointing((0, 0.1, -1)).with_cone(CONE),
+        coned
+        + ac.Path.polyline([(0.2, 0.1, 0), (0.3, 0.1, 0)]).pointing((0, 0.1, -1)).with_cone(CONE),
         ac.round_corners(coned, tolerance=1e-3),
         ac.round_corners(following, tolerance=1e-3, angular_tolerance=0.05),
     ]
@@ -149,7 +150,9 @@ def test_job_with_a_cone_shows_the_angle_used():
     assert run.trajectory.duration < 0.95 * exact.trajectory.duration
     (row,) = [x for x in run.to_data().rows if x.name == "lean"]
     (law,) = run.trajectory.laws
-    assert row.value == pytest.approx(cone_jobs.judge(run.path.contours[0].path, law.joint_path)[1], rel=1e-3)
+    assert row.value == pytest.approx(
+        cone_jobs.judge(run.path.contours[0].path, law.joint_path)[1], rel=1e-3
+    )
     assert 0.01 < row.value <= CONE
     # The tool is inside the cone, so its orientation has no error.
     assert run.evaluation.orientation_error.max < 1e-6

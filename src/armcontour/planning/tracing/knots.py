@@ -32,6 +32,13 @@ OUT_OF_REACH = 1e-7
 # Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
 TOO_FAST = 1e5
 
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
+# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
+# between these knots
+FINER = 3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knots:
@@ -236,6 +243,12 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
         return False
     nearest = int(np.argmin(np.linalg.norm(path.corners.point - path(s), axis=1)))
     return bool(path.corners.reason[nearest] == OUT_OF_PLANE)
+
+
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+    """Return the arm without its held joints, and the indices of the other joints."""
+    held = list(arm.chain.held)
+    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
 
 
 def suggest_remedy(path: Path | None) -> str:

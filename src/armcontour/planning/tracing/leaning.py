@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn, Protocol
 
 import numpy as np
 
@@ -23,18 +23,19 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.branch_solutions import Solution, find_solutions
 from armcontour.planning.tracing.guide import Guide
-from armcontour.planning.tracing.knots import Knots, first_knots, row_of_poses, task_dimension
+from armcontour.planning.tracing.knots import (
+    FINER,
+    POSITION_TASK,
+    Knots,
+    first_knots,
+    row_of_poses,
+    task_dimension,
+    without_held,
+)
 from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.smoothing import null_space, smooth
 from armcontour.planning.tracing.stations import choose_stations
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
-from armcontour.planning.tracing.tracer import (
-    FINER,
-    POSITION_TASK,
-    TRACING_TOLERANCE,
-    refine_guided,
-    without_held,
-)
 from armcontour.planning.tracing.two_axis_head import (
     HEAD_FINER,
     HEAD_TOLERANCE,
@@ -46,8 +47,8 @@ from armcontour.planning.tracing.two_axis_head import (
 )
 from armcontour.robot import SerialArm
 
-# Shares of a cone, or of a head's tolerance, that are used at the stations. The next one is tried if
-# the tool leans too far between the stations.
+# Shares of a cone, or of a head's tolerance, that are used at the stations. The next one is tried
+# if the tool leans too far between the stations.
 SHARES = (1.0, 0.85, 0.6, 0.4)
 # Number of iterations of this smoothing
 LEANING_ROUNDS = 40
@@ -63,6 +64,19 @@ NO_LEAN = 1e-6
 Attempt = Callable[[], JointPath]
 
 
+class Refine(Protocol):
+    """A function that refines joint positions near those at knots, as the tracer does."""
+
+    def __call__(
+        self, path: Path, knots: Knots, q: FloatArray, task: int, guide: Guide | None
+    ) -> JointPath:
+        """Return the joint path along a path.
+
+        - `q`: joint positions at the knots of the joints that are not held [rad], (n + 1, joints).
+        - `task`: task dimension; the guide determines the other motions.
+        """
+
+
 def may_lean(path: Path, arm: SerialArm) -> bool:
     """Test whether the tool may lean along a path: in a cone, or near the pole of a head."""
     head = head_of(arm)
@@ -70,12 +84,11 @@ def may_lean(path: Path, arm: SerialArm) -> bool:
 
 
 def attempts(
-    path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float
+    path: Path, arm: SerialArm, seed: FloatArray | None, refine: Refine
 ) -> Iterator[Attempt]:
     """Yield functions that trace a path on which the tool may lean, or raise Unreachable.
 
     - `seed`: as in `trace`, for the joints that are not held [rad], (joints,).
-    - `tolerance`: largest distance of the tool from the path between knots [m].
     """
     moving, _ = without_held(arm)
     head = head_of(moving)
@@ -92,13 +105,12 @@ def attempts(
         return run
 
     if head is not None:
-        yield counted(partial(_trace_head, path, arm, head, seed, tolerance))
+        yield counted(partial(_trace_head, path, arm, head, seed, refine))
     for base in _bases(path, moving, seed):
-        for attempt in _attempts_along(path, base, arm, seed, tolerance):
-            yield counted(attempt)
+        yield from map(counted, _attempts_along(path, base, arm, seed, refine))
     if not traced and cone_of(path) > 0.0 and seed is None:
         for base in leaned_paths(path):
-            yield from _attempts_along(path, base, arm, None, tolerance)
+            yield from _attempts_along(path, base, arm, None, refine)
 
 
 def _bases(path: Path, arm: SerialArm, seed: FloatArray | None) -> list[Path]:
@@ -114,7 +126,7 @@ def _bases(path: Path, arm: SerialArm, seed: FloatArray | None) -> list[Path]:
 
 
 def _attempts_along(
-    path: Path, base: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float
+    path: Path, base: Path, arm: SerialArm, seed: FloatArray | None, refine: Refine
 ) -> Iterator[Attempt]:
     """Yield functions that trace along the tool axis of another path, and from there in the cone.
 
@@ -125,7 +137,7 @@ def _attempts_along(
     except Unreachable as error:
         yield partial(_raise, error)
         return
-    yield from solutions.attempts(tolerance)
+    yield from solutions.attempts(refine)
 
 
 def constant_leans(path: Path) -> list[FloatArray]:
@@ -190,33 +202,33 @@ class _Solutions:
         with numbered_as(arm):
             self.solutions = find_solutions(base, self.moving, self.knots, poses, self.task, seed)
 
-    def attempts(self, tolerance: float) -> Iterator[Attempt]:
+    def attempts(self, refine: Refine) -> Iterator[Attempt]:
         """Yield functions that trace along the base, and functions that lean inside the cone."""
         for solution in self.solutions:
-            yield partial(self._follow_base, solution, tolerance)
+            yield partial(self._follow_base, solution, refine)
         if cone_of(self.path) == 0.0:
             return
         for solution in self.solutions:
-            yield partial(self._lean, solution, tolerance)
+            yield partial(self._lean, solution, refine)
 
-    def _follow_base(self, solution: Solution, tolerance: float) -> JointPath:
+    def _follow_base(self, solution: Solution, refine: Refine) -> JointPath:
         """Trace along the base with its tool axis."""
         poses = row_of_poses(self.base, self.knots)
         q = solution.q
         guide = None
         if self.task < self.moving.dof:
             guide = _guide(self.base, self.moving, self.knots, poses, self.task, q)
-        traced = refine_guided(self.base, self.arm, self.knots, q, self.task, guide, tolerance)
+        traced = refine(self.base, self.knots, q, self.task, guide)
         return replace(traced, tool_path=self.path)
 
-    def _lean(self, solution: Solution, tolerance: float) -> JointPath:
+    def _lean(self, solution: Solution, refine: Refine) -> JointPath:
         """Trace with a tool axis inside the cone."""
         return lean_from(
             self.path,
             self.arm,
             self.knots,
             solution.q,
-            tolerance,
+            refine,
             start_stays=self.seed is not None,
         )
 
@@ -226,7 +238,7 @@ def lean_from(
     arm: SerialArm,
     knots: Knots,
     q: FloatArray,
-    tolerance: float,
+    refine: Refine,
     *,
     start_stays: bool,
 ) -> JointPath:
@@ -256,7 +268,7 @@ def lean_from(
         rows = null_space(moving, at_stations, POSITION_TASK, smoothed[0])
         guide = Guide.through(s[index], smoothed[0], rows, path.stops)
         between = PchipInterpolator(s[index], smoothed[0])(s)
-        return refine_guided(path, arm, knots, between, POSITION_TASK, guide, tolerance)
+        return refine(path, knots, between, POSITION_TASK, guide)
 
     return _within(cone_of(path), arm, attempt)
 
@@ -270,16 +282,16 @@ def leans(arm: SerialArm, poses: FloatArray, q: FloatArray) -> bool:
 
 
 def trace_leaning(
-    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, q: FloatArray
+    path: Path, arm: SerialArm, knots: Knots, q: FloatArray, refine: Refine
 ) -> JointPath:
     """Trace a path near joint positions at which the tool leans.
 
-    - `poses`: required tool poses at the knots, (n + 1, 3, 4).
-    - `q`: joint positions there of the joints that are not held [rad], (n + 1, joints).
+    - `q`: joint positions at the knots of the joints that are not held [rad], (n + 1, joints).
     """
     moving, _ = without_held(arm)
+    poses = row_of_poses(path, knots)
     guide = _guide(path, moving, knots, poses, POSITION_TASK, q)
-    traced = refine_guided(path, arm, knots, q, POSITION_TASK, guide, TRACING_TOLERANCE)
+    traced = refine(path, knots, q, POSITION_TASK, guide)
     allowed = cone_of(path) if head_of(moving) is None else max(HEAD_TOLERANCE, cone_of(path))
     check_cone(traced, arm, allowed)
     return traced
@@ -311,7 +323,7 @@ def _guide(
 
 
 def _trace_head(
-    path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, tolerance: float
+    path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, refine: Refine
 ) -> JointPath:
     """Trace a path with a head near its pole; the tool axis is within a tolerance."""
     moving, _ = without_held(arm)
@@ -327,6 +339,6 @@ def _trace_head(
             moving, head, s[stations], poses[stations], path.stops, share * cone, seed
         )
         between = np.stack([np.interp(s, s[stations], x) for x in q.T], axis=1)
-        return refine_guided(path, arm, knots, between, POSITION_TASK, guide, tolerance)
+        return refine(path, knots, between, POSITION_TASK, guide)
 
     return _within(cone, arm, attempt)

@@ -119,7 +119,8 @@ class PostureCost:
         share = chord / self.cone_chord
         slopes = (turned @ apart[..., None])[..., 0] / self.cone_chord
         slopes /= np.maximum(chord, 1e-9)[:, None]
-        for weight, inner in ((self.outside, INNER_CONE), (self.leaning, 0.0)):
+        outside = self.outside * self.heaviest
+        for weight, inner in ((outside, INNER_CONE), (self.leaning, 0.0)):
             beyond = np.maximum(share - inner, 0.0)
             by_joint = np.where(beyond > 0.0, weight, 0.0)[:, None] * slopes
             yield (weight * beyond).reshape(q.shape[:2]), by_joint.reshape(q.shape)

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,8 @@ from armcontour.planning.tracing.joint_ranges import (
     turn_into_range,
 )
 from armcontour.planning.tracing.knots import (
+    AXIS_TASK,
+    FINER,
     MIDDLE,
     PLACES,
     Knots,
@@ -38,6 +40,7 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
     suggest_remedy,
     task_dimension,
+    without_held,
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
@@ -64,12 +67,6 @@ ANGULAR_TOLERANCE = 1e-9
 SINGULAR_JACOBIAN = 1e-9
 # Task dimensions that compare the whole rotation of the tool
 WHOLE_ROTATIONS = (4, 6)
-# Task dimension of the position and the tool axis, and of the position alone.
-AXIS_TASK = 5
-POSITION_TASK = 3
-# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
-# between these knots
-FINER = 3
 # Number of steps in which joint positions are found along a path on which still joints move.
 STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
@@ -139,12 +136,25 @@ class Solver(ABC, Generic[A]):
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
 
-    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
-        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m].
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on.
 
         An arm in the plane stops only where it is singular.
+
+        - `s`: arc length of the point [m].
+        - `q`: joint positions near the point [rad], (dof,) each.
         """
-        return 0.0
+        path = self.path
+        point = path(s).tolist()
+        raise Unreachable(
+            describe_fast_rotation(path, s)
+            or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular. "
+            f"{suggest_remedy(path)}.",
+            point=point,
+            s=s,
+            limit="singularity",
+        )
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
@@ -229,7 +239,7 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
             first = small[0]
-            refuse_stop(solver, float(coarse.s0[first]), start[0][too_coarse][first])
+            solver.refuse_stop(float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -248,35 +258,6 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     """Select rows of q, dq_ds and d2q_ds2."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
-
-
-def refuse_stop(solver: Solver[Any], s: float, *q: FloatArray) -> NoReturn:
-    """Raise Unreachable at a point of the path behind which the joint path does not go on.
-
-    - `s`: arc length of the point [m].
-    - `q`: joint positions near the point [rad], (dof,) each.
-    """
-    from armcontour.planning.tracing.causes import SINGULAR
-
-    path = solver.path
-    point = solver.path(s).tolist()
-    value = min(solver.smallest_singular_value(s, x) for x in q if np.isfinite(x).all())
-    is_singular = value <= SINGULAR
-    state = "is singular"
-    if not is_singular:
-        state = (
-            "would have to jump between configurations, though it is not singular (smallest "
-            f"singular value {value:.2g})"
-        )
-    raise Unreachable(
-        describe_fast_rotation(path, s)
-        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
-        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}. "
-        f"{suggest_remedy(path)}.",
-        point=point,
-        s=s,
-        limit="singularity" if is_singular else "continuity",
-    )
 
 
 class NumericSolver(Solver[SerialArm]):
@@ -309,7 +290,7 @@ class NumericSolver(Solver[SerialArm]):
         if bad.any():
             assert guess is not None
             first = int(np.argmax(bad))
-            refuse_stop(self, float(knots.arc_lengths(u)[first]), guess[first], q[first])
+            self.refuse_stop(float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -323,13 +304,13 @@ class NumericSolver(Solver[SerialArm]):
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
 
-    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
-        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m]."""
-        from armcontour.planning.tracing.causes import smallest_singular_value
-        from armcontour.planning.tracing.strained_postures import targets_at
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on."""
+        from armcontour.planning.tracing.refusals import refuse_stop
 
-        pose = targets_at(self.path, np.array([s]))[0]
-        return smallest_singular_value(self.arm, pose, self.task, q)[0]
+        if describe_fast_rotation(self.path, s):
+            super().refuse_stop(s)
+        refuse_stop(self.path, self.arm, s, self.task, [x for x in q if np.isfinite(x).all()])
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -506,12 +487,6 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
-    """Return the arm without its held joints, and the indices of the other joints."""
-    held = list(arm.chain.held)
-    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
-
-
 def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
     """Return the task dimension of a path for an arm without its held joints, `moving`."""
     try:
@@ -666,7 +641,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
     if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
-        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+        NumericSolver(path, moving, task, TRACING_TOLERANCE, None).refuse_stop(s, near[0])
     found = q.copy()
     found[joints] = solution[0]
     return found
@@ -710,7 +685,8 @@ def _trace_near(
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
-            return trace_leaning(path, arm, knots, poses, q)
+            refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
+            return trace_leaning(path, arm, knots, q, refine_near)
     return _refine_solution(path, arm, knots, poses, q)
 
 
@@ -739,7 +715,8 @@ def _trace_serial(
     leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
         if leaning:
-            tries = ((x, 0.0) for x in attempts(path, arm, near, tolerance))
+            refine_near = partial(_refine_guided, arm, tolerance)
+            tries = ((x, 0.0) for x in attempts(path, arm, near, refine_near))
             return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
@@ -808,21 +785,21 @@ def _refine_solution(
         w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s[index], q[index], w, path.stops)
-    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+    return _refine_guided(arm, tolerance, path, knots, q, task, guide)
 
 
-def refine_guided(
-    path: Path,
+def _refine_guided(
     arm: SerialArm,
+    tolerance: float,
+    path: Path,
     knots: Knots,
     q: FloatArray,
     task: int,
     guide: Guide | None,
-    tolerance: float,
 ) -> JointPath:
     """Refine joint positions near those at knots to a joint path, and check its ranges.
 
-    - `q`: as in `_refine_solution`.
+    - `tolerance`, `q`: as in `_refine_solution`.
     - `task`: task dimension; the guide determines the other motions.
     """
     moving, joints = without_held(arm)

@@ -2,12 +2,12 @@
 
 The tool axis is `n = R(u, c) R(v, a) t` at the angles c and a of both rotary axes: u, v and t are
 the directions of the first axis, the second axis and the tool at the zero position. The head is at
-its pole where n is parallel to u, as a vertical torch on a C/A head: there every c gives the same n,
-and near it a small change of n turns c far.
+its pole where n is parallel to u, as a vertical torch on a C/A head: there every c gives the same
+n, and near it a small change of n turns c far.
 
 For given c, the best a puts the tool into the plane through n and the second axis, which has the
-direction R(u, c) v. The remaining error is the difference of the angles of n and of the tool to this
-axis. With `n . R(u, c) v = k + h cos(c - f)`, it is
+direction R(u, c) v. The remaining error is the difference of the angles of n and of the tool to
+this axis. With `n . R(u, c) v = k + h cos(c - f)`, it is
 
     |asin(k + h cos(c - f)) - asin(t . v)|,
 
@@ -96,8 +96,8 @@ class Head:
         radius = np.maximum(np.hypot(cosine, sine), NO_RADIUS)
         angle = np.arcsin(np.clip(self.tool @ self.second_axis, -1.0, 1.0))
         half_turn = np.pi / 2
-        high = (np.sin(min(angle + tolerance, half_turn)) - along) / radius
-        low = (np.sin(max(angle - tolerance, -half_turn)) - along) / radius
+        high = (np.sin(np.minimum(angle + tolerance, half_turn)) - along) / radius
+        low = (np.sin(np.maximum(angle - tolerance, -half_turn)) - along) / radius
         exact = (np.sin(angle) - along) / radius
         return Allowed(
             middle=np.arctan2(sine, cosine),
@@ -154,7 +154,7 @@ class Allowed:
 
     def _away(self, i: int, c: FloatArray) -> FloatArray:
         """Return `|c - middle|` at station i, from 0 to pi [rad]."""
-        return np.abs(np.pi - np.mod(np.pi - (c - self.middle[i]), 2 * np.pi))
+        return np.asarray(np.abs(np.pi - np.mod(np.pi - (c - self.middle[i]), 2 * np.pi)))
 
 
 def head_of(arm: SerialArm) -> Head | None:
