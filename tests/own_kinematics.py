@@ -1,4 +1,4 @@
-"""Kinematics of cells for tests, as products of 4 by 4 matrices; shares no code with the package."""
+"""Kinematics of cells for tests by products of 4 by 4 matrices, without code of the package."""
 
 import numpy as np
 

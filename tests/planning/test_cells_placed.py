@@ -30,12 +30,15 @@ CELL = """
 name: seam
 arm:
   name: ur10e
-  rail: {axis: [0, 1, 0], lower: -1, upper: 1, velocity: 0.8, acceleration: 1.5, origin: [0, 0, 0.1]}
+  rail:
+    {axis: [0, 1, 0], lower: -1, upper: 1, velocity: 0.8, acceleration: 1.5, origin: [0, 0, 0.1]}
   work: {position: [0.9, 0, 0.5]}
   positioner:
     axes:
-      - {name: tilt, axis: [0, 1, 0], origin: [0.9, 0, 0.3], lower: -2, upper: 2, velocity: 1, acceleration: 2}
-      - {name: turn, axis: [0, 0, 1], origin: [0.9, 0, 0.4], lower: -2, upper: 2, velocity: 1, acceleration: 2}
+      - {name: tilt, axis: [0, 1, 0], origin: [0.9, 0, 0.3], lower: -2, upper: 2, velocity: 1,
+         acceleration: 2}
+      - {name: turn, axis: [0, 0, 1], origin: [0.9, 0, 0.4], lower: -2, upper: 2, velocity: 1,
+         acceleration: 2}
 path: {points: [[0, -0.1, 0.1], [0, 0.1, 0.1]], orientation: {axis: [0, 0, -1]}}
 limits: {speed: 100 mm/s}
 servo: {kp: 25 1/s, kv: 150 1/s}

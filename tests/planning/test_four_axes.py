@@ -12,14 +12,18 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 SCARA = """<robot name="scara"><link name="base"/><link name="l1"/><link name="l2"/>
 <link name="quill"/><link name="spindle"/><link name="tool0"/>
 <joint name="j1" type="revolute"><origin xyz="0 0 0.4"/><parent link="base"/><child link="l1"/>
-<axis xyz="0 0 1"/><limit lower="-2.9" upper="2.9" velocity="7" acceleration="30" effort="0"/></joint>
+<axis xyz="0 0 1"/><limit lower="-2.9" upper="2.9" velocity="7" acceleration="30" effort="0"/>
+</joint>
 <joint name="j2" type="revolute"><origin xyz="0.35 0 0"/><parent link="l1"/><child link="l2"/>
-<axis xyz="0 0 1"/><limit lower="-2.6" upper="2.6" velocity="9" acceleration="40" effort="0"/></joint>
+<axis xyz="0 0 1"/><limit lower="-2.6" upper="2.6" velocity="9" acceleration="40" effort="0"/>
+</joint>
 <joint name="z" type="prismatic"><origin xyz="0.3 0 -0.05"/><parent link="l2"/><child link="quill"/>
-<axis xyz="0 0 -1"/><limit lower="0" upper="0.25" velocity="1.2" acceleration="8" effort="0"/></joint>
+<axis xyz="0 0 -1"/><limit lower="0" upper="0.25" velocity="1.2" acceleration="8" effort="0"/>
+</joint>
 <joint name="r" type="revolute"><origin xyz="0 0 -0.05"/><parent link="quill"/>
 <child link="spindle"/><axis xyz="0 0 -1"/>
-<limit lower="-6.28" upper="6.28" velocity="20" acceleration="100" effort="0"/></joint>
+<limit lower="-6.28" upper="6.28" velocity="20" acceleration="100" effort="0"/>
+</joint>
 <joint name="t" type="fixed"><origin xyz="0.03 0 -0.05" rpy="3.141592653589793 0 0"/>
 <parent link="spindle"/><child link="tool0"/></joint></robot>"""
 SCARA_VELOCITY = (7.0, 9.0, 1.2, 20.0)
@@ -27,11 +31,14 @@ SCARA_ACCELERATION = (30.0, 40.0, 8.0, 100.0)
 GANTRY = """<robot name="gantry"><link name="floor"/><link name="bx"/><link name="by"/>
 <link name="bz"/><link name="head"/><link name="tool0"/>
 <joint name="gx" type="prismatic"><origin xyz="0 0 2"/><parent link="floor"/><child link="bx"/>
-<axis xyz="1 0 0"/><limit lower="-4" upper="4" velocity="1.2" acceleration="1.5" effort="0"/></joint>
+<axis xyz="1 0 0"/><limit lower="-4" upper="4" velocity="1.2" acceleration="1.5" effort="0"/>
+</joint>
 <joint name="gy" type="prismatic"><parent link="bx"/><child link="by"/><axis xyz="0 1 0"/>
-<limit lower="-1.5" upper="1.5" velocity="0.9" acceleration="2" effort="0"/></joint>
+<limit lower="-1.5" upper="1.5" velocity="0.9" acceleration="2" effort="0"/>
+</joint>
 <joint name="gz" type="prismatic"><origin xyz="0 0 -0.5"/><parent link="by"/><child link="bz"/>
-<axis xyz="0 0 -1"/><limit lower="0" upper="1.2" velocity="0.4" acceleration="0.8" effort="0"/></joint>
+<axis xyz="0 0 -1"/><limit lower="0" upper="1.2" velocity="0.4" acceleration="0.8" effort="0"/>
+</joint>
 {head}
 <joint name="t" type="fixed"><origin xyz="0 0 -0.25" rpy="{tool} 0 0"/><parent link="head"/>
 <child link="tool0"/></joint></robot>"""
@@ -96,7 +103,8 @@ def sampled(trajectory):
 def test_scara_follows_position_and_rotation_about_its_axis(tmp_path):
     arm = urdf_arm(tmp_path, SCARA)
     turned = np.array([[np.cos(1.0), np.sin(1.0), 0], [np.sin(1.0), -np.cos(1.0), 0], [0, 0, -1]])
-    start, end = (0.4, -0.2, 0.2), (0.4, 0.2, 0.15)
+    start = (0.4, -0.2, 0.2)
+    end = (0.4, 0.2, 0.15)
     path = ac.Path.polyline([start, end]).oriented(np.stack([DOWN, turned]))
     trajectory = ac.plan(path, arm, arm.limits, ac.Optimal())
     poses = scara_poses(sampled(trajectory))
@@ -174,7 +182,8 @@ def test_scara_on_a_rail_and_over_a_turntable(tmp_path):
 
 
 def test_gantry_with_one_rotation_about_the_tool(tmp_path):
-    start, end = (-1.0, -0.5, 0.6), (1.0, 0.5, 0.7)
+    start = (-1.0, -0.5, 0.6)
+    end = (1.0, 0.5, 0.7)
     path = ac.Path.polyline([start, end])
     arm = urdf_arm(tmp_path, gantry("0 0 1"))
     expected = None

@@ -137,7 +137,8 @@ def test_kinematics_of_linkages(palletizer):
 
 def test_palletizers_follow_position_and_rotation(palletizer):
     arm, poses = palletizer
-    start, end = (1.3, -0.6, 0.9), (1.1, 0.6, 0.6)
+    start = (1.3, -0.6, 0.9)
+    end = (1.1, 0.6, 0.6)
     turned = turn((0, 0, 1), ORIGIN, 1.2)[0, :3, :3] @ DOWN
     path = ac.Path.polyline([start, end])
     length = np.linalg.norm(np.subtract(end, start))

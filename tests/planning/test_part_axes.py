@@ -225,3 +225,58 @@ def test_clearance_of_an_obstacle_on_a_sliding_part(tmp_path):
     own = np.linalg.norm(head - [0.2, 0.0, 0.25], axis=1).min() - 0.08
     assert clearance.pairs[0].low <= own + 1e-9
     assert clearance.pairs[0].high == pytest.approx(own, abs=1e-3)
+
+
+SIX = (
+    ("joint_1", "0 0 0", "0 0 1"),
+    ("joint_2", "0.1 0 0.615", "0 1 0"),
+    ("joint_3", "0 0 0.705", "0 1 0"),
+    ("joint_4", "0.258 0 0.135", "1 0 0"),
+    ("joint_5", "0.497 0 0", "0 1 0"),
+    ("joint_6", "0.085 0 0", "1 0 0"),
+)
+
+
+def column_urdf():
+    """A six-joint robot on a rotating column, 1 m beside its axis."""
+    links = "".join(f'<link name="{x}"/>' for x in ("floor", "column", "base", "tool0"))
+    joint = '<joint name="{}" type="{}"><origin xyz="{}"/><parent link="{}"/><child link="{}"/>'
+    text = links + joint.format("column_joint", "revolute", "0 0 0.5", "floor", "column")
+    text += f'<axis xyz="0 0 1"/>{LIMIT.format(-3, 3, 1, 2)}</joint>'
+    text += joint.format("foot", "fixed", "1 0 0", "column", "base") + "</joint>"
+    parent = "base"
+    for name, origin, axis in SIX:
+        text += f'<link name="{name}_link"/>'
+        text += joint.format(name, "revolute", origin, parent, f"{name}_link")
+        text += f'<axis xyz="{axis}"/>{LIMIT.format(-3, 3, 2.5, 6)}</joint>'
+        parent = f"{name}_link"
+    tip = '<joint name="tip" type="fixed"><origin xyz="0.2 0 0" rpy="0 1.5707963267948966 0"/>'
+    return (
+        f'<robot name="c">{text}{tip}<parent link="{parent}"/><child link="tool0"/></joint></robot>'
+    )
+
+
+def column_poses(q):
+    """Tool poses of the robot on the column, (n, 4, 4)."""
+    poses = shift((0, 0, 0.5)) @ turn((0, 0, 1), (0, 0, 0), q[:, 0]) @ shift((1, 0, 0))
+    for k, (_, origin, axis) in enumerate(SIX, start=1):
+        numbers = [[float(x) for x in words.split()] for words in (origin, axis)]
+        poses = poses @ shift(numbers[0]) @ turn(numbers[1], (0, 0, 0), q[:, k])
+    poses = poses @ shift((0.2, 0, 0))
+    return poses @ turn((0, 1, 0), (0, 0, 0), np.pi / 2)[0]
+
+
+def test_rotating_column_is_an_external_axis(tmp_path):
+    corners = np.array([[1.8, -0.8, 1.0], [1.8, 0.8, 1.0]])
+    job = read(tmp_path, "{file: cell.urdf}", corners.tolist(), column_urdf())
+    assert job.arm.chain.external == (0,)
+    trajectory = ac.run(job).runs["w"].trajectory
+    poses = column_poses(sampled(trajectory))
+    assert distances_from(poses[:, :3, 3], corners).max() < 1e-9
+    np.testing.assert_allclose(poses[:, :3, 2], np.tile([0, 0, -1.0], (4001, 1)), atol=1e-8)
+    assert keeps_limits(trajectory, (1, *[2.5] * 6), (2, *[6] * 6))
+    ac.export(trajectory, tmp_path / "plan.src", "kuka", arm=job.arm, cycle=0.1)
+    text = (tmp_path / "plan.src").read_text()
+    assert "E1" in text and "A6" in text and "E2" not in text
+    # A robot of seven joints in a row has no column.
+    assert ac.load_arm("fr3").chain.external == ()

@@ -56,7 +56,8 @@ def moves_of(paths, between):
 def lifted(before, path):
     """A rapid with a path: up, over and down."""
     up = np.array([0.0, 0.0, 0.1])
-    end, start = before(before.length), path(0.0)
+    end = before(before.length)
+    start = path(0.0)
     return [ac.Rapid(path=ac.Path.polyline([end, end + up, start + up, start]))]
 
 

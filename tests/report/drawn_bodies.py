@@ -18,10 +18,11 @@ class Drawing:
         for joint in self.header["joints"]:
             motion = np.eye(4)
             axis = np.array(joint["axis"])
+            position = joint["factor"] * q[joint["column"]]
             if joint["type"] == "prismatic":
-                motion[:3, 3] = axis * q[joint["column"]]
+                motion[:3, 3] = axis * position
             else:
-                motion = turn(axis, np.zeros(3), q[joint["column"]])
+                motion = turn(axis, np.zeros(3), position)
             poses.append(poses[joint["parent"]] @ np.array(joint["origin"]) @ motion)
         return poses
 

@@ -1,6 +1,7 @@
 """Bodies of rails, gantries and positioners, against own kinematics."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,11 @@ TURN = {"name": "turn", "axis": [0.0, 0.1, 1.0], "origin": [0.95, 0.1, 0.45]}
 RANGE = {"lower": -3.0, "upper": 3.0, "velocity": 1.5, "acceleration": 2.0}
 FRAME = {"position": [0.95, 0.1, 0.45]}
 PATH = {"points": [[0, 0, 0.05], [0.1, 0, 0.05]], "orientation": {"axis": [0, 0, -1]}}
-SLIDES = {"gx": ("1 0 0", "0 0 0", 0, 6), "gy": ("0 1 0", "0 0 0", 0, 3), "gz": ("0 0 -1", "0 0 3", 0, 1)}
+SLIDES = {
+    "gx": ("1 0 0", "0 0 0", 0, 6),
+    "gy": ("0 1 0", "0 0 0", 0, 3),
+    "gz": ("0 0 -1", "0 0 3", 0, 1),
+}
 HEIGHT = 3.0
 
 
@@ -126,7 +131,9 @@ def test_a_structure_stands_on_the_floor_and_is_visible(floor):
     lowest = min(x[:, 2].min() for x in [beam, *stands])
     assert lowest == pytest.approx(ground, abs=1e-6)
     assert beam[:, 2].max() > ground + 0.005
-    assert ground == (pytest.approx(floor, abs=1e-9) if floor is not None else pytest.approx(lowest))
+    assert ground == (
+        pytest.approx(floor, abs=1e-9) if floor is not None else pytest.approx(lowest)
+    )
     if floor is None:
         assert ground < 0.0
 
@@ -182,7 +189,8 @@ def test_beams_of_a_gantry_are_where_its_joints_move(tmp_path):
         # The carriage of the bridge stays on the bridge, that of the runways on the runways.
         assert bridge[:, 1].min() <= bridge_carriage[:, 1].min() + 1e-6
         assert bridge_carriage[:, 1].max() <= bridge[:, 1].max() + 1e-6
-        carriages, beams = runway[0::2], runway[1::2]
+        carriages = runway[0::2]
+        beams = runway[1::2]
         assert len(carriages) == len(beams) == 2
         for carriage, beam in zip(carriages, beams, strict=True):
             assert beam[:, 0].min() <= carriage[:, 0].min() + 1e-6
@@ -216,7 +224,9 @@ def test_links_without_shapes_are_sticks_between_the_joints(tmp_path):
 
 
 def test_a_tool_with_shapes_has_no_cone():
-    torch = [{"type": "cylinder", "name": "torch", "at": [0, 0, 0.1], "radius": 0.02, "length": 0.2}]
+    torch = [
+        {"type": "cylinder", "name": "torch", "at": [0, 0, 0.1], "radius": 0.02, "length": 0.2}
+    ]
     plain = {"name": "ur10e", "tool": {"position": [0, 0, 0.3]}}
     for tool, names in ((plain["tool"], ["tool"]), (plain["tool"] | {"shapes": torch}, ["torch"])):
         bodies = arm_frame(job(plain | {"tool": tool})).header["bodies"]
@@ -227,7 +237,13 @@ def test_axes_whose_links_have_shapes_are_not_drawn_twice():
     bare = cell()
     assert len(Drawing(arm_frame(bare)).named("tilt", np.zeros(9))) == 4
     table = {"link": "turn", "name": "table", "type": "box", "size": [0.4, 0.4, 0.05]}
-    slab = {"link": "base", "name": "slab", "type": "box", "size": [0.4, 3, 0.1], "at": [0, 1, -0.06]}
+    slab = {
+        "link": "base",
+        "name": "slab",
+        "type": "box",
+        "size": [0.4, 3, 0.1],
+        "at": [0, 1, -0.06],
+    }
     positioner = {"axes": [TILT | RANGE, TURN | RANGE]}
     arm = {"name": "ur10e", "rail": RAIL, "positioner": positioner, "shapes": [table, slab]}
     header = arm_frame(job(arm, path=PATH | {"frame": FRAME})).header
@@ -246,3 +262,29 @@ def test_the_base_of_an_arm_on_a_rail_is_at_its_origin():
     assert before and set(before) == set(after)
     for name, place in before.items():
         np.testing.assert_allclose(after[name].place.position, place.position + origin, atol=1e-12)
+
+
+def test_a_turntable_on_a_slide_stays_on_its_beam():
+    usual = {"velocity": 1.0, "acceleration": 2.0}
+    slide = ac.PositionerAxis(
+        name="slide", axis=(1, 0, 0), origin=(0.8, 0, 0.4), lower=-0.3, upper=0.6, prismatic=True,
+        **usual,
+    )  # fmt: skip
+    table = ac.PositionerAxis(
+        name="table", axis=(0, 0, 1), origin=(0.8, 0, 0.5), lower=-3, upper=3, **usual
+    )
+    arm = ac.load_arm("ur10e").with_positioner(ac.Positioner(axes=(slide, table)))
+    path = job("ur10e").program
+    drawing = Drawing(arm_frame(SimpleNamespace(arm=arm, scene=None, program=path)))
+    columns = {x["name"]: x["column"] for x in drawing.header["joints"]}
+    for at in (-0.3, 0.2, 0.6):
+        q = np.zeros(arm.dof)
+        q[columns["slide"]] = at
+        plate, housing = drawing.named("table", q)
+        carriage, beam = drawing.named("slide", q)
+        middles = [(x.max(axis=0) + x.min(axis=0)) / 2 for x in (plate, housing, carriage)]
+        for middle in middles:
+            np.testing.assert_allclose(middle[:2], [0.8 + at, 0.0], atol=1e-6)
+        assert beam[:, 0].min() <= carriage[:, 0].min() + 1e-6
+        assert carriage[:, 0].max() <= beam[:, 0].max() + 1e-6
+        assert carriage[:, 2].max() == pytest.approx(housing[:, 2].min(), abs=1e-6)

@@ -155,8 +155,8 @@ def test_a_table_that_cannot_reach_the_angle_to_gravity_is_refused():
     arm = cell(holds=(0.3, 0.2))
     with pytest.raises(ac.Unreachable) as error:
         ac.trace(saddle(), arm)
-    assert error.value.limit == "tilt"
-    assert error.value.needed > np.radians(20)
+    assert error.value.limit == "hold"
+    assert error.value.joint in (0, 1)
 
 
 def test_axes_of_a_positioner_that_are_held_do_not_move():
@@ -341,8 +341,6 @@ table => tabel => part must be a link of ... 'tabel'
 table => upper => part upper ... on the branch of the arm ... tilt
 table => post => No joint moves between base and part
 <axis xyz="0 2 0"/> => <axis xyz="0 2 0"/><mimic joint="turn"/> => swing ... mimics
-name="swing" type="revolute" => name="swing" type="prismatic" => swing ... prismatic
-name="turn" type="revolute" => name="turn" type="continuous" => turn ... range ... continuous
 """
 
 

@@ -18,7 +18,8 @@ from armcontour.files.robots.urdf_tree import DESCRIPTION
 from armcontour.files.scene_file import assumed_tool, more_link_shapes, rotation_of, tool_shapes
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.bodies import place_payload
-from armcontour.robot.preferences import JointPreference, index_of
+from armcontour.robot.preferences import JointPreference
+from armcontour.robot.preferred_chain import index_of
 from armcontour.robot.scene import LinkShape
 
 # Extensions by which a value is a file. Files with unsupported extensions get their own message.

@@ -50,6 +50,8 @@ SAME_JOINT_POSITION = 1e-9
 SAME_VERTEX = 1e-12
 # Options of the coarse plans by which configurations are compared
 COARSE_PLAN = Optimal(intervals=400)
+# Options of the plans for an arm that prefers the fastest joint path
+FINE_PLAN = Optimal()
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED_PIECES = 8_000
 # On paths of more segments than this, configurations are compared on parts of the path.
@@ -363,6 +365,14 @@ class _Tracer:
                 self.fastest[i] = self._fastest(path, i)
             return _without_unwinding(self.fastest[i], self.arm, end)
 
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
+
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
 
@@ -397,14 +407,6 @@ class _Tracer:
         assert end is not None
         joint_paths = trace_across([*paths, contour.path], arm, end, start)
         self.ahead |= zip([*rapids, k], joint_paths, strict=True)
-
-    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
-        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
-        orientation = path.orientation
-        if orientation is not None and orientation.cone > 0.0:
-            # The tool may lean in several ways, which differ in duration and clearance.
-            return self._fastest(path, i, q)
-        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -596,8 +598,10 @@ def trace_by_duration(
     if len(joint_paths) == 1:
         yield joint_paths
     elif prefer == "least motion":
-        yield from _by_cost(joint_paths, arm, rough)
-    elif prefer == "fastest" or not _compares_costs(path, arm):
+        yield from _by_cost(candidates, arm, rough)
+    elif prefer == "fastest":
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST, FINE_PLAN)
+    elif not _compares_costs(path, arm):
         yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST)
     else:
         for part in _divide_by_cost(candidates):
@@ -622,15 +626,16 @@ def _divide_by_cost(candidates: list[Candidate]) -> list[list[JointPath]]:
     return [low, others] if others else [low]
 
 
-def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
-    """Yield joint paths one by one in their order, which is that of their costs.
+def _by_cost(candidates: list[Candidate], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Yield joint paths one by one, that with the lowest cost first.
 
     Joint paths that cannot be planned come last.
 
     - `rough`: limits of the plans that show whether a joint path can be planned.
     """
     failed = []
-    for joint_path in joint_paths:
+    for candidate in sorted(candidates, key=lambda x: x.cost):
+        joint_path = candidate.joint_path
         try:
             plan_optimal(joint_path, arm, rough, COARSE_PLAN)
         except ArmContourError:
@@ -641,7 +646,11 @@ def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[
 
 
 def _group_by_duration(
-    joint_paths: list[JointPath], arm: Arm, rough: Limits, slack: float
+    joint_paths: list[JointPath],
+    arm: Arm,
+    rough: Limits,
+    slack: float,
+    options: Optimal = COARSE_PLAN,
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths.
 
@@ -651,6 +660,7 @@ def _group_by_duration(
     A joint path is planned only when its lower bound of the duration requires it.
 
     - `rough`: limits of the plans that compare joint paths.
+    - `options`: options of these plans.
     """
     if len(joint_paths) == 1:
         yield joint_paths
@@ -671,7 +681,7 @@ def _group_by_duration(
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, options).duration
         shortest = min(durations.values())
         first = min(i for i, x in durations.items() if x <= shortest * (1 + slack))
         chosen = durations[first]

@@ -11,7 +11,7 @@ from armcontour.core.errors import Unreachable
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import JointPath
-from armcontour.planning.tracing import hold_still, trace, trace_between, trace_to
+from armcontour.planning.tracing import trace, trace_between, trace_to
 from armcontour.program import Contour, Move, Rapid
 from armcontour.robot import SerialArm
 
@@ -63,7 +63,7 @@ def trace_away(paths: Sequence[Path], arm: SerialArm, end: FloatArray) -> list[J
     """Trace paths that begin at joint positions `end` [rad], (dof,), at which still joints stay."""
     joint_paths = []
     for path in paths:
-        joint_paths.append(trace(path, hold_still(arm, end), seed=end))
+        joint_paths.append(trace(path, arm.hold_still(end), seed=end))
         end = joint_paths[-1](path.length)
     return joint_paths
 

@@ -18,12 +18,13 @@ from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
-from armcontour.robot.preferences import narrow_ranges
+from armcontour.robot.preferred_chain import narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form_kinematics import ClosedForm
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
+    from armcontour.robot.tool_turning import ToolTurning
 
 # A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
 # joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
@@ -347,6 +348,14 @@ class Arm(Immutable, ABC):
         from armcontour.robot.closed_form_kinematics import ClosedForm
 
         return ClosedForm.from_chain(self.chain)
+
+    @cached_property
+    def tool_turning(self) -> ToolTurning | None:
+        """Rotations of the tool if it turns about one direction or not at all, otherwise None."""
+        from armcontour.robot.tool_turning import ToolTurning
+
+        at_zero = np.zeros(self.dof)
+        return ToolTurning.about(self.jacobian(at_zero)[3:].T, self.poses(at_zero)[:, :3])
 
     @cached_property
     def span(self) -> float:

@@ -39,6 +39,7 @@ PER_JOINT = (
 FROM_FLOOR: dict[str, Any] = {
     "held": {},
     "still": (),
+    "columns": (),
     "ranges": {},
     "positioner": None,
     "floor_link": 0,
@@ -122,6 +123,8 @@ class Chain(Checked):
         held: Positions at which some joints stay [rad], by index; by default all joints move.
         followers: Joints that follow other joints, in the order from the base; by default none.
         still: Indices of joints that stay still within each contour; by default none.
+        columns: Indices of revolute joints that carry the arm, as a rotating column does; they are
+            external axes. By default none.
         ranges: Preferred ranges of some joints [rad], by index, inside the joints' own ranges.
         prefer: What the planner prefers if a redundant arm can follow a path in several ways; None
             weighs time against joint motion.
@@ -160,6 +163,7 @@ class Chain(Checked):
     held: Mapping[int, float] = field(default_factory=dict)
     followers: tuple[Follower, ...] = ()
     still: tuple[int, ...] = ()
+    columns: tuple[int, ...] = ()
     ranges: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     prefer: Prefer | None = None
     positioner: Positioner | None = None
@@ -255,10 +259,14 @@ class Chain(Checked):
 
     @property
     def external(self) -> tuple[int, ...]:
-        """Indices of the external axes: prismatic joints, and a positioner's from the floor."""
+        """Indices of the external axes: those that carry the arm, then a positioner's.
+
+        Prismatic joints and rotating columns carry the arm. All are in the order from the floor.
+        """
         first = self.floor_link
         sliding = np.flatnonzero(self.slides[first:]) + first
-        return (*sliding.tolist(), *range(first - 1, -1, -1))
+        carrying = sorted({*sliding.tolist(), *self.columns})
+        return (*carrying, *range(first - 1, -1, -1))
 
     @property
     def arm_branch(self) -> Chain:
@@ -356,6 +364,7 @@ class Chain(Checked):
             prismatic=(*prismatic, *own["prismatic"]),
             held={k + n: x for k, x in self.held.items()},
             still=tuple(k + n for k in self.still),
+            columns=tuple(k + n for k in self.columns),
             ranges={k + n: x for k, x in self.ranges.items()},
             followers=tuple(x.shifted(n) for x in self.followers),
         )
@@ -392,8 +401,8 @@ class Chain(Checked):
 
     def without_held(self) -> Chain:
         """Return the chain for kinematics in which the held joints are rigid."""
-        frames = []
-        followers = []
+        frames: list[Frame] = []
+        followers: list[Follower] = []
         before = Frame()
         floor = self.floor
         moving = np.setdiff1d(np.arange(len(self)), list(self.held))
@@ -431,6 +440,7 @@ class Chain(Checked):
             held={},
             followers=tuple(followers),
             still=tuple(number[k] for k in self.still if k in number),
+            columns=tuple(number[k] for k in self.columns if k in number),
             ranges={number[k]: x for k, x in self.ranges.items() if k in number},
             floor_link=int(np.sum(moving < self.floor_link)),
             floor=floor,

@@ -105,8 +105,7 @@ class PositionerAxis(Checked):
         axis: Direction of the axis, in coordinates of the arm's base, or of the rail if the arm has
             one. All positions here have the same coordinates.
         origin: A point of the axis [m], (3,).
-        lower, upper: Ends of its range [rad]. By default an axis that turns has no ends, as a
-            turntable that makes any number of turns.
+        lower, upper: Ends of its range [rad]; by default it turns endlessly, as a turntable.
         velocity: Largest velocity [rad/s].
         acceleration: Largest acceleration [rad/s²].
         jerk: Largest jerk [rad/s³]; by default unlimited.

@@ -8,7 +8,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import pose_solver
 from armcontour.robot.arm import MET, Arm
-from armcontour.robot.serial import SerialArm
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
 # Task dimensions, as in `pose_solver.py`:
@@ -62,7 +61,7 @@ def configurations(
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
         if solutions is not None:
             return solutions
-    turning = arm.tool_turning if task == WHOLE and isinstance(arm, SerialArm) else None
+    turning = arm.tool_turning if task == WHOLE else None
     if turning is not None:
         if turning.missed(pose[None, :, :3], axis_only=False)[0] > REACHED_ANGLE:
             return np.empty((0, arm.dof))

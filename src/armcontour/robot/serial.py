@@ -19,16 +19,11 @@ from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
 from armcontour.robot.external_axes import FIELDS, Positioner, PositionerAxis, Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
-from armcontour.robot.preferences import (
-    JointPreference,
-    Prefer,
-    apply_preferences,
-    narrow_ranges,
-)
+from armcontour.robot.preferences import JointPreference, Prefer
+from armcontour.robot.preferred_chain import apply_preferences, narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
-    from armcontour.robot.tool_turning import ToolTurning
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
@@ -119,13 +114,6 @@ class SerialArm(Arm):
             return bool(np.linalg.matrix_rank(paths, tol=PARALLEL_AXES) < 3)
         return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL_AXES).all())
 
-    @cached_property
-    def tool_turning(self) -> ToolTurning | None:
-        """Rotations of the tool if it turns about one direction or not at all, otherwise None."""
-        from armcontour.robot.tool_turning import ToolTurning
-
-        return ToolTurning.of_arm(self)
-
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
         """Return the arm with another tool.
@@ -215,6 +203,15 @@ class SerialArm(Arm):
         """
         chain = apply_preferences(self.chain, self.limits, self.name, preferences, prefer)
         return self._copy(chain=chain, limits=narrow_ranges(self.limits, chain))
+
+    def hold_still(self, q: FloatArray) -> SerialArm:
+        """Return the arm whose still joints are held at their positions.
+
+        Args:
+            q: Positions of all joints [rad], (dof,).
+        """
+        still = self.chain.still
+        return self.holding({k: float(q[k]) for k in still}) if still else self
 
     def holding(self, positions: Mapping[int, float]) -> SerialArm:
         """Return the arm with further joints held, and no joints that are still.

@@ -8,7 +8,6 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between, exp
-from armcontour.robot.arm import Arm
 
 # Joint axes count as parallel if the sine of their angle is below this, and the tool axis as
 # parallel to them. Angles in robot descriptions are rounded, for example 3.1416 or 1.5708.
@@ -34,19 +33,19 @@ class ToolTurning:
     rotation: FloatArray
 
     @classmethod
-    def of_arm(cls, arm: Arm) -> ToolTurning | None:
-        """Return the rotations of an arm's tool; None if it turns about several directions.
+    def about(cls, directions: FloatArray, rotation: FloatArray) -> ToolTurning | None:
+        """Return the rotations of a tool; None if it turns about several directions.
 
         Args:
-            arm: The arm.
+            directions: Angular velocity of the tool per joint velocity, (dof, 3).
+            rotation: Rotation of the tool with the joints at 0, (3, 3).
         """
-        directions = arm.jacobian(np.zeros(arm.dof))[3:].T
         # Parallel axes stay parallel at all joint positions.
         turning = directions[np.linalg.norm(directions, axis=1) > PARALLEL]
         axis = turning[0] / np.linalg.norm(turning[0]) if len(turning) else np.zeros(3)
         if (np.linalg.norm(np.cross(turning, axis), axis=1) > PARALLEL).any():
             return None
-        return cls(axis=axis, rotation=arm.poses(np.zeros(arm.dof))[:, :3])
+        return cls(axis=axis, rotation=rotation)
 
     @property
     def turns(self) -> bool:

@@ -11,8 +11,6 @@ from functools import partial
 from threading import Event, RLock
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable
 from armcontour.core.progress import Step
@@ -83,7 +81,7 @@ class ShownResults:
     """
 
     planned: Preview | None = None
-    sent_parts: tuple[Arm, Scene | None, FloatArray | None] | None = None
+    sent_parts: tuple[Arm, Scene | None, list[list[float]] | None] | None = None
     plan_times: tuple[float, float] = (0.0, 0.0)
     drawn: Program | None = None
 
@@ -351,15 +349,12 @@ class Scheduler:
     def _show_arm(self, state: DocumentState, job: Job) -> None:
         """Send arm and scene if they differ from those that the pages show."""
         parts = state.results.sent_parts
-        points = path_points(job)
-        if (
-            parts is None
-            or parts[0] is not job.arm
-            or parts[1] != job.scene
-            or not np.array_equal(parts[2], points)
-        ):
+        corners = path_points(job)
+        points = None if corners is None else corners.tolist()
+        shown = job.arm, job.scene, points
+        if parts is None or parts[0] is not job.arm or parts[1:] != shown[1:]:
             if self._deliver(arm_frame(job), state):
-                state.results.sent_parts = job.arm, job.scene, points
+                state.results.sent_parts = shown
 
     def _refuse(
         self, state: DocumentState, error: ArmContourError, planned: Preview | None = None

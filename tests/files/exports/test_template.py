@@ -11,7 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
-from armcontour.files.exports import SetPointTable, TemplateFormat, URScriptFormat
+from armcontour.files.exports import (
+    RosYamlFormat,
+    SetPointTable,
+    TemplateFormat,
+    URScriptFormat,
+)
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.motion import TimedEvent
 
@@ -342,7 +347,9 @@ def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
     assert f"  ! Joints rax_1 to rax_6 in deg: {', '.join(arm)}" in text.splitlines()
     assert f"  ! External axes: eax_a {rail} (mm)" in text.splitlines()
     units = ", ".join([f"{rail} [m]", *(f"{x} [rad]" for x in arm)])
-    assert f"# Positions: {units}" in export(exported, tmp_path, "ros-yaml").splitlines()[:2]
+    RosYamlFormat().write(exported, tmp_path / "made.yaml")
+    lines = (tmp_path / "made.yaml").read_text(encoding="utf-8").splitlines()
+    assert f"# Positions: {units}" in lines[:2]
     gantry = dataclasses.replace(table(6), prismatic=(True, *[False] * 5))
     for name in ("kuka", "abb"):
         refusals(lambda x: export(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])

@@ -1,11 +1,6 @@
-"""Jobs that an arm can do, made impossible by one narrow range or one held axis, by seed.
-
-`python -m tests.planning.tracing.refused_jobs COUNT` prints a table of what the refusals name.
-"""
+"""Jobs that an arm can do, made impossible by one narrow range or one held axis, by seed."""
 
 import re
-import sys
-import time
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -163,7 +158,6 @@ class Refused:
     name: str
     change: str
     error: ac.Unreachable
-    seconds: float
 
     @property
     def is_named(self) -> bool:
@@ -185,7 +179,8 @@ class Refused:
         for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", told[1]):
             values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
         lower, upper = (x[self.joint] for x in self.arm.limits.joint_range(self.arm.dof))
-        wider = narrow(self.arm, self.joint, min(lower, *values, upper), max(upper, *values, lower))
+        own = make_arm(self.kind, self.seed)
+        wider = narrow(own, self.joint, min(lower, *values), max(upper, *values))
         return reason(self.path, wider) is None
 
 
@@ -231,13 +226,16 @@ def refused_job(kind, seed):
                 ends = (max(center - half, low), min(center + half, high))
             if not ends[0] + 0.01 < ends[1]:
                 continue
-            changed = narrow(arm, joint, *map(float, ends))
+            ends = tuple(map(float, ends))
             change = f"range {ends[0]:.3f} to {ends[1]:.3f}"
-        start = time.process_time()
+            if rng.random() < 0.5:
+                changed = narrow(arm, joint, *ends)
+            else:
+                changed = arm.with_preferences({name: JointPreference(range=ends)})
+                change = f"preferred {change}"
         error = reason(path, changed)
-        seconds = time.process_time() - start
         if error is not None:
-            return Refused(kind, seed, path, changed, joint, name, change, error, seconds)
+            return Refused(kind, seed, path, changed, joint, name, change, error)
     return None
 
 
@@ -263,46 +261,3 @@ def singular_job(seed):
     path = path.oriented(exp(ends * lost[3:]) @ pose[:3, :3])
     error = reason(path, arm)
     return None if error is None else (path, arm, error)
-
-
-def main(count, first=0):
-    """Print what is named in the refusals of a number of jobs per kind."""
-    total = []
-    for kind in KINDS[first:]:
-        jobs = []
-        works = []
-        seed = 0
-        while len(jobs) < count and seed < 20 * count:
-            job = refused_job(kind, seed)
-            seed += 1
-            if job is None:
-                continue
-            jobs.append(job)
-            mark = "named" if job.is_named else "mentioned" if job.is_mentioned else "MISSED"
-            if job.is_named:
-                works.append(job.is_remedied())
-                mark += "" if works[-1] else ", remedy fails"
-            print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:28} {mark:10} "
-                  f"{job.seconds:5.2f} s", flush=True)  # fmt: skip
-            if not job.is_named:
-                print(f"    {job.error}", flush=True)
-        print(f"== {kind}: {sum(works)} of {len(works)} remedies work")
-        named = sum(x.is_named for x in jobs)
-        mentioned = sum(x.is_mentioned for x in jobs)
-        print(f"== {kind}: {named} of {len(jobs)} named, {mentioned} mentioned; "
-              f"{np.mean([x.seconds for x in jobs]):.2f} s per refusal", flush=True)  # fmt: skip
-        total += jobs
-    said = []
-    for seed in range(50 * count):
-        if len(said) < 50 * count / 34 and (job := singular_job(seed)) is not None:
-            path, _, error = job
-            said.append(error.limit == "singularity" and abs(error.s / path.length - 0.5) < 0.05)
-            if not said[-1]:
-                print(f"singular {seed:4} MISSED {error}", flush=True)
-    print(f"== singularities: {sum(said)} of {len(said)} named")
-    print(f"== all: {sum(x.is_named for x in total)} of {len(total)} named, "
-          f"{sum(x.is_mentioned for x in total)} mentioned")  # fmt: skip
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]) if len(sys.argv) > 1 else (34,))

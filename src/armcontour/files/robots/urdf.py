@@ -13,6 +13,7 @@ import numpy as np
 
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.moveit_limits import (
     KINDS,
@@ -30,6 +31,8 @@ from armcontour.files.robots.urdf_tree import (
     Tree,
     read_tree,
 )
+from armcontour.robot.chain import Chain, joint_rows
+from armcontour.robot.closed_form_kinematics import ClosedForm
 from armcontour.robot.limits import JOINT_RANGE, Limits, or_unlimited
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
 
 # Links that are the tip if the options do not name it (REP 199), the preferred first.
 TOOL_FRAMES = ("tool0", "flange")
+# Number of joints of robots that stand on a column; they have a closed form.
+ROBOT_JOINTS = 6
 # Advice for an arm without acceleration limits.
 HINT = (
     "specify a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of load_arm) "
@@ -114,11 +119,13 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     limits = described.limits
     if options.part is not None:
         chain = description.cell(chain, limits, options.part, options.tilt)
+    chain = chain.replace(columns=_columns(chain))
     notes = (
         *description.notes,
         described.note,
         missing_meshes(tree),
         _note_without_shape(description),
+        _note_columns(chain),
     )
     arm = SerialArm(
         name=tree.name,
@@ -132,6 +139,27 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
     return arm.with_shapes(partial(_shapes, arm, description))
+
+
+def _columns(chain: Chain) -> tuple[int, ...]:
+    """Return the indices of revolute joints that carry a robot of six joints, from the floor."""
+    first = chain.floor_link
+    robot = np.arange(len(chain) - ROBOT_JOINTS, len(chain))
+    before = [k for k in range(first, int(robot[0])) if not chain.slides[k]]
+    if not before or chain.followers:
+        return ()
+    own = chain.replace(
+        **joint_rows(chain, robot), positioner=None, floor_link=0, floor=Frame(), base=Frame()
+    )
+    return tuple(before) if ClosedForm.from_chain(own) is not None else ()
+
+
+def _note_columns(chain: Chain) -> str:
+    """Return a note on rotating columns, which exports write as external axes."""
+    if not chain.columns:
+        return ""
+    names = ", ".join(chain.joints[k] for k in chain.columns)
+    return f"{names} counts as an external axis, because it carries a robot of six joints"
 
 
 def _note_without_shape(description: Description) -> str:
@@ -226,9 +254,10 @@ def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> N
             )
         if joint.master is not None:
             raise InvalidInput(
-                f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
-                f"must be independent. Choose a base and a {end} without it between "
-                f"them, or make it fixed in the file."
+                f"Joint {joint.name} of {tree.file} mimics {joint.master}. Only a revolute joint "
+                "before the last joint of an arm can follow another one, which is between the same "
+                f"base and tip. Choose a base and a {end} without it between them, or make it "
+                "fixed in the file."
             )
 
 

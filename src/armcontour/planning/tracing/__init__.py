@@ -3,7 +3,6 @@
 from armcontour.planning.tracing.joint_ranges import check_joint_range
 from armcontour.planning.tracing.tracer import (
     Candidate,
-    hold_still,
     is_redundant,
     sketch_all,
     trace,
@@ -17,7 +16,6 @@ from armcontour.planning.tracing.tracer import (
 __all__ = [
     "Candidate",
     "check_joint_range",
-    "hold_still",
     "is_redundant",
     "sketch_all",
     "trace",

@@ -277,6 +277,9 @@ class _Study:
 
     def relax(self) -> list[Relaxation]:
         """Return the ranges, and the tilt, that make the path feasible if relaxed alone."""
+        if not len(self.starts):
+            # No posture reaches the first pose, even beyond the ranges.
+            return []
         # If no posture reaches the end, any range may be the cause.
         candidates = self.touched > 0.0 if len(self.q) else np.ones_like(self.touched, np.bool_)
         owner, starts = self._relaxed_starts(np.flatnonzero(candidates).tolist())

@@ -64,8 +64,9 @@ def out_of_range(
     """
     name = "upper" if q > edge else "lower"
     unit = arm.chain.unit("rad", joint)
+    moved = called(joint, arm.joint_names[joint])
     return Unreachable(
-        f"At {s:.6g} m along the path {called(joint, arm.joint_names[joint])} would be at {number(q, unit)}, "
+        f"At {s:.6g} m along the path {moved} would be at {number(q, unit)}, "
         f"{number(abs(q - edge), unit)} beyond its {name} limit of {number(edge, unit)}{also}. "
         f"{suggest_remedy(path)}.",
         s=s,

@@ -24,6 +24,7 @@ from armcontour.planning.tracing.causes import (
 )
 from armcontour.planning.tracing.joint_ranges import called, out_of_range
 from armcontour.planning.tracing.knots import OUT_OF_REACH, Knots, poses_at, suggest_remedy
+from armcontour.planning.tracing.strained_postures import targets_at
 from armcontour.robot import SerialArm
 from armcontour.robot.arm import unit_hint
 from armcontour.robot.inverse_kinematics import (
@@ -183,25 +184,26 @@ def refuse_path(
             needed=gap,
             allowed=0.0,
         )
-    _refuse_stop(path, arm, float(s[i - 1]), poses[i - 1], task, failure.q)
+    refuse_stop(path, arm, float(s[i - 1]), task, [failure.q])
 
 
-def _refuse_stop(
-    path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
+def refuse_stop(
+    path: Path, arm: SerialArm, s: float, task: int, postures: Sequence[FloatArray]
 ) -> NoReturn:
-    """Raise Unreachable for a path in reach that joint positions q [rad] at s [m] do not continue.
+    """Raise Unreachable for a path in reach that a joint path does not follow on.
 
-    - `pose`: tool pose at s, (3, 4).
-    - `q`: (dof,).
+    - `s`: arc length [m] at which the joint path ends.
+    - `postures`: joint positions near this place [rad], (dof,) each.
     """
-    value, joint = smallest_singular_value(arm, pose, task, q)
+    pose = targets_at(path, np.array([s]))[0]
+    value, joint = min(smallest_singular_value(arm, pose, task, q) for q in postures)
     if value <= SINGULAR:
         place = Singularity(s=s, joint=joint, value=value)
         raise singular(path, arm, place, suggest_remedy(path))
     raise Unreachable(
-        f"After {s:.6g} m of {path.length:.6g} m along the path, no continuous motion of the arm "
-        f"{arm.name} goes on, though each pose is within reach (the smallest singular value is "
-        f"{value:.2g}, so the arm is not singular). {suggest_remedy(path)}.",
+        f"At {s:.6g} m of {path.length:.6g} m along the path, no continuous motion of the arm "
+        f"{arm.name} was found, though each pose is within reach and the arm is not singular "
+        f"(smallest singular value {value:.2g}). {suggest_remedy(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
         limit="continuity",
@@ -351,7 +353,8 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
     if cause.kind == "rotation":
         return "leave the rotation about the tool axis free"
     if cause.kind == "tilt":
-        return f"specify a tilt of at least {_above(cause.needed - cause.allowed, cause.allowed, 'rad')}"
+        largest = _above(cause.needed - cause.allowed, cause.allowed, "rad")
+        return f"specify a tilt of at least {largest}"
     name = _named(arm, cause.joint)
     if cause.kind == "hold":
         return f"do not hold {' and '.join(_named(arm, k) for k in cause.together)}"

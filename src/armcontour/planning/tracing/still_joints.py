@@ -6,7 +6,7 @@ joints are then held there, and the contour is traced with the other joints.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.posture_cost import PostureCost
-from armcontour.planning.tracing.tracer import hold_still, trace_all
 from armcontour.robot import SerialArm
-from armcontour.robot.preferences import ROUNDING
+from armcontour.robot.preferred_chain import ROUNDING
 
 # Weight of a still joint while its position is sought, relative to joints of the weight 1.
 STILL_WEIGHT = 1e3
@@ -31,34 +30,39 @@ TRIED_POSITIONS = 9
 WORSE = 0.01
 LEAST_COST = 1e-6
 
+Trace = Callable[..., list[JointPath]]
+
 
 def trace_still(
     path: Path,
     arm: SerialArm,
     seed: FloatArray | None,
-    tolerance: float,
     max_count: int | None,
+    trace: Trace,
 ) -> list[JointPath]:
-    """Trace a path while the arm's still joints do not move; arguments as of `trace_all`.
+    """Trace a path while the arm's still joints do not move.
 
     Near a seed, they stay at the positions of the seed unless the arm cannot complete the path
     there, or only near the ends of its ranges or near a singularity.
+
+    - `seed`, `max_count`: as of `trace_all`.
+    - `trace`: `trace_all` with its tolerance.
 
     Raises:
         Unreachable: No position of the still joints completes the path.
     """
     if seed is None:
-        return _trace_at_best(path, arm, tolerance, max_count)
+        return _trace_at_best(path, arm, max_count, trace)
     staying = None
     try:
-        staying = trace_all(path, hold_still(arm, seed), seed=seed, tolerance=tolerance)[:1]
+        staying = trace(path, arm.hold_still(seed), seed=seed)[:1]
     except Unreachable:
         # The joints move to another position.
         pass
     if staying is not None and posture_cost(arm, staying[0]) <= LEAST_COST:
         return staying
     try:
-        others = _trace_at_best(path, arm, tolerance, None)
+        others = _trace_at_best(path, arm, None, trace)
     except ArmContourError:
         if staying is None:
             raise
@@ -83,6 +87,11 @@ def posture_cost(arm: SerialArm, joint_path: JointPath) -> float:
     return _costs(arm, joint_path)[1]
 
 
+def cost_of(arm: SerialArm, joint_path: JointPath) -> float:
+    """Return the cost of a joint path's motion and of its postures."""
+    return sum(_costs(arm, joint_path))
+
+
 def _costs(arm: SerialArm, joint_path: JointPath) -> tuple[float, float]:
     """Return the costs of a joint path's motion and of its postures; their sum is `PostureCost`."""
     s = np.linspace(0.0, joint_path.length, SAMPLES)
@@ -93,10 +102,10 @@ def _costs(arm: SerialArm, joint_path: JointPath) -> tuple[float, float]:
 
 
 def _trace_at_best(
-    path: Path, arm: SerialArm, tolerance: float, max_count: int | None
+    path: Path, arm: SerialArm, max_count: int | None, trace: Trace
 ) -> list[JointPath]:
     """Trace a path at the best positions of the still joints, in all configurations."""
-    relaxed_paths = trace_all(path, release_still(arm), tolerance=tolerance)
+    relaxed_paths = trace(path, release_still(arm))
     found: list[JointPath] = []
     refusal: ArmContourError | None = None
     for relaxed in relaxed_paths:
@@ -104,16 +113,14 @@ def _trace_at_best(
             break
         for start in _starts(arm, relaxed):
             try:
-                found += trace_all(
-                    path, hold_still(arm, start), seed=start, tolerance=tolerance, max_count=1
-                )
+                found += trace(path, arm.hold_still(start), seed=start, max_count=1)
                 break
             except (Unreachable, ArmMismatch) as error:
                 refusal = refusal or _explained(arm, relaxed, start, error)
     if not found:
         assert refusal is not None
         raise refusal
-    return sorted(found, key=lambda x: sum(_costs(arm, x)))
+    return sorted(found, key=lambda x: cost_of(arm, x))
 
 
 def _starts(arm: SerialArm, relaxed: JointPath) -> Iterator[FloatArray]:

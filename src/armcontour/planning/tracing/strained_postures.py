@@ -290,7 +290,7 @@ class Walk:
     @property
     def complete(self) -> BoolArray:
         """Mask of the starts that reach the end of the path, (starts,)."""
-        return self.reached == self.q.shape[1]
+        return np.asarray(self.reached == self.q.shape[1])
 
 
 def walk(poses: Poses, ranges: Ranges, starts: FloatArray) -> Walk:

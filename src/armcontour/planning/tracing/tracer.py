@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +46,7 @@ from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
-from armcontour.robot.preferences import list_held
+from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
@@ -136,12 +136,25 @@ class Solver(ABC, Generic[A]):
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
 
-    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
-        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m].
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on.
 
         An arm in the plane stops only where it is singular.
+
+        - `s`: arc length of the point [m].
+        - `q`: joint positions near the point [rad], (dof,) each.
         """
-        return 0.0
+        path = self.path
+        point = path(s).tolist()
+        raise Unreachable(
+            describe_fast_rotation(path, s)
+            or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular. "
+            f"{suggest_remedy(path)}.",
+            point=point,
+            s=s,
+            limit="singularity",
+        )
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
@@ -226,7 +239,7 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
             first = small[0]
-            refuse_stop(solver, float(coarse.s0[first]), start[0][too_coarse][first])
+            solver.refuse_stop(float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -245,35 +258,6 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     """Select rows of q, dq_ds and d2q_ds2."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
-
-
-def refuse_stop(solver: Solver[Any], s: float, *q: FloatArray) -> NoReturn:
-    """Raise Unreachable at a point of the path behind which the joint path does not go on.
-
-    - `s`: arc length of the point [m].
-    - `q`: joint positions near the point [rad], (dof,) each.
-    """
-    from armcontour.planning.tracing.causes import SINGULAR
-
-    path = solver.path
-    point = solver.path(s).tolist()
-    value = min(solver.smallest_singular_value(s, x) for x in q if np.isfinite(x).all())
-    is_singular = value <= SINGULAR
-    state = "is singular"
-    if not is_singular:
-        state = (
-            "would have to jump between configurations, though it is not singular (smallest "
-            f"singular value {value:.2g})"
-        )
-    raise Unreachable(
-        describe_fast_rotation(path, s)
-        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
-        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}. "
-        f"{suggest_remedy(path)}.",
-        point=point,
-        s=s,
-        limit="singularity" if is_singular else "continuity",
-    )
 
 
 class NumericSolver(Solver[SerialArm]):
@@ -306,7 +290,7 @@ class NumericSolver(Solver[SerialArm]):
         if bad.any():
             assert guess is not None
             first = int(np.argmax(bad))
-            refuse_stop(self, float(knots.arc_lengths(u)[first]), guess[first], q[first])
+            self.refuse_stop(float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -320,13 +304,13 @@ class NumericSolver(Solver[SerialArm]):
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
 
-    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
-        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m]."""
-        from armcontour.planning.tracing.causes import smallest_singular_value
-        from armcontour.planning.tracing.strained_postures import targets_at
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on."""
+        from armcontour.planning.tracing.refusals import refuse_stop
 
-        pose = targets_at(self.path, np.array([s]))[0]
-        return smallest_singular_value(self.arm, pose, self.task, q)[0]
+        if describe_fast_rotation(self.path, s):
+            super().refuse_stop(s)
+        refuse_stop(self.path, self.arm, s, self.task, [x for x in q if np.isfinite(x).all()])
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -458,10 +442,11 @@ def trace_candidates(
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
     if arm.chain.still:
-        from armcontour.planning.tracing.still_joints import trace_still
+        from armcontour.planning.tracing.still_joints import cost_of, trace_still
 
-        still_paths = trace_still(path, arm, near, tolerance, max_count)
-        return [Candidate(joint_path=x, cost=0.0) for x in still_paths]
+        trace_others = partial(trace_all, tolerance=tolerance)
+        still_paths = trace_still(path, arm, near, max_count, trace_others)
+        return [Candidate(joint_path=x, cost=cost_of(arm, x)) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -524,11 +509,6 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
         ) from None
 
 
-def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
-    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
-    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
-
-
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     """Return indices of knots every `step` [m] or CHORD_TURN of rotation, and of the last knot."""
     from armcontour.planning.tracing.branch_solutions import CHORD_TURN
@@ -561,7 +541,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
-    arm = hold_still(arm, known)
+    arm = arm.hold_still(known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -600,7 +580,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
-    arm = hold_still(arm, q)
+    arm = arm.hold_still(q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not is_redundant(path, arm):
@@ -654,14 +634,14 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     from armcontour.planning.tracing.smoothing import null_space
     from armcontour.planning.tracing.strained_postures import targets_at
 
-    moving, joints = without_held(hold_still(arm, q))
+    moving, joints = without_held(arm.hold_still(q))
     task = dimension_of(path, arm, moving)
     pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
     if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
-        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+        NumericSolver(path, moving, task, TRACING_TOLERANCE, None).refuse_stop(s, near[0])
     found = q.copy()
     found[joints] = solution[0]
     return found

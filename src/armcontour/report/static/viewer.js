@@ -35,8 +35,8 @@ const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
 /** Colours by theme; obstacles after Okabe and Ito. */
 const PAINTS = {
-  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", joint: "#8fb3cd", axis: "#93a7ba", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7", line: "#4a5259", arrow: "#0072b2" },
-  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", joint: "#4f7c9c", axis: "#4d6073", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d", line: "#c2cad4", arrow: "#56b4e9" },
+  light: { ground: "#f4f6f8", grid: "#e1e5e9", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", joint: "#8fb3cd", axis: "#93a7ba", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7", line: "#4a5259", arrow: "#0072b2" },
+  dark: { ground: "#14171c", grid: "#2a2f37", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", joint: "#4f7c9c", axis: "#4d6073", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d", line: "#c2cad4", arrow: "#56b4e9" },
 };
 
 /** Return the name of the WebGL renderer; null without WebGL. @returns {string | null} */

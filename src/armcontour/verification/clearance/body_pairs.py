@@ -83,7 +83,7 @@ class Pair:
         before = np.cumsum(travel) - travel
         first_moves = isinstance(self.second.shape, HalfSpace)
         away = before if first_moves else travel.sum() - travel - before
-        return self.radii + away * (self.radii > 0) * ~slides
+        return np.asarray(self.radii + away * (self.radii > 0) * ~slides)
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
