@@ -21,13 +21,8 @@ from armcontour.planning.tracing.knots import (
     Knots,
     row_of_poses,
 )
-from armcontour.planning.tracing.positioner_tilt import (
-    check_fixed_tilt,
-    follow_level,
-    level_positions,
-    poses_from_floor,
-    tilt_of,
-)
+from armcontour.planning.tracing.positioner_tilt import check_fixed_tilt
+from armcontour.planning.tracing.postures import find_postures, has_graph
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
 from armcontour.planning.tracing.smoothing import (
     interpolate_monotone,
@@ -109,19 +104,27 @@ def find_solutions(
     # No posture of the arm changes this angle, so it is the reason before any other.
     s = np.append(fine.s0, path.length)
     check_fixed_tilt(arm, s, poses)
-    if tilt_of(arm.chain) is None or not arm.chain.floor_link:
-        starts = configurations(arm, poses[0], task, seed)
-        if len(starts) == 0:
-            refuse_first_pose(path, arm, poses, task, seed)
-        followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
-    else:
-        followed, failures = _follow_level(path, arm, poses, task, seed, max_correction)
-    followed = [q[knot_index] for q in followed]
-    s = s[knot_index]
     redundant = task < arm.dof
     stations = choose_stations(path, knots, knot_poses)
-    if redundant:
-        followed = _rank(arm, s, knot_poses, task, followed, seed)
+    starts = None if seed is None else configurations(arm, poses[0], task, seed)
+    followed: list[FloatArray] = []
+    failures: list[Failure] = []
+    if redundant and has_graph(arm):
+        found = find_postures(arm, s[knot_index], knot_poses, task, stations, starts)
+        followed = found.paths
+        for x in found.failures:
+            failures.append(replace(x, reached=int(knot_index[x.reached])))
+    if not followed:
+        if starts is None:
+            starts = configurations(arm, poses[0], task)
+        if len(starts) == 0:
+            refuse_first_pose(path, arm, poses, task, seed)
+        followed, incomplete = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
+        failures += incomplete
+        followed = [q[knot_index] for q in followed]
+        if redundant:
+            followed = _rank(arm, s[knot_index], knot_poses, task, followed, seed)
+    s = s[knot_index]
     solutions: list[Solution] = []
     different = _DistinctSolutions(arm, knot_poses, task)
     candidates = _with_costs(arm, s, knot_poses, task, followed, seed, stations)
@@ -186,44 +189,6 @@ def _follow(
         count = int(reached[branch])
         failures.append(Failure(reached=count, q=q[branch, count - 1]))
     return [q[k] for k in np.flatnonzero(is_complete)], failures
-
-
-def _follow_level(
-    path: Path,
-    arm: SerialArm,
-    poses: FloatArray,
-    task: int,
-    seed: FloatArray | None,
-    max_correction: float,
-) -> tuple[list[FloatArray], list[Failure]]:
-    """Follow all poses while the positioner turns the tool downwards; result as of `_follow`.
-
-    The positions of the positioner are found first; the arm then follows the poses seen from the
-    floor.
-    """
-    axes = poses[:, :, 2]
-    count = arm.chain.floor_link
-    robot = arm.from_floor
-    starts = None if seed is None else configurations(arm, poses[0], task, seed)
-    positions = level_positions(arm, axes[0]) if starts is None else starts[:, :count]
-    profile = follow_level(arm, axes, positions)
-    followed: list[FloatArray] = []
-    failures: list[Failure] = []
-    for k in range(len(positions)):
-        floor_poses = poses_from_floor(arm, poses, profile[:, k])
-        if starts is None:
-            arm_starts = configurations(robot, floor_poses[0], task)
-        else:
-            arm_starts = starts[k : k + 1, count:]
-        max_starts = MAX_STARTS // len(positions)
-        q, incomplete = _follow(robot, floor_poses, task, arm_starts[:max_starts], max_correction)
-        followed += [np.hstack([profile[:, k], x]) for x in q]
-        for x in incomplete:
-            joints = np.concatenate([profile[x.reached - 1, k], x.q])
-            failures.append(replace(x, q=joints))
-    if not followed and not failures:
-        refuse_first_pose(path, arm, poses, task, seed)
-    return followed, failures
 
 
 def follow_branches(

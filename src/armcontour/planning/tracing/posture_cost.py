@@ -25,6 +25,30 @@ NEARLY_SINGULAR = 0.04
 SMOOTHING_DAMPING = 1e-6
 
 
+def middle_and_half(arm: SerialArm) -> tuple[FloatArray, FloatArray]:
+    """Return the middle of each joint range and half its length [rad], (dof,) each.
+
+    Without two ends, they are 0 and infinite.
+    """
+    lower, upper = arm.limits.joint_range(arm.dof)
+    both = np.isfinite(lower) & np.isfinite(upper)
+    low = np.where(both, lower, 0.0)
+    high = np.where(both, upper, 0.0)
+    return (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
+
+
+def paces(arm: SerialArm) -> FloatArray:
+    """Return the weights of joint moves: larger for slow and for heavy joints, (dof,)."""
+    pace = np.ones(arm.dof)
+    if arm.limits.joint_velocity is not None:
+        slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+        # A joint without a limit counts as the fastest one.
+        slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
+        pace = np.min(slowest) / slowest
+    # A joint with a larger weight moves less.
+    return np.asarray(pace * np.asarray(arm.chain.weights))
+
+
 class PostureCost:
     """Cost of a joint path: squares of weighted joint steps, and of excesses over inner ranges."""
 
@@ -35,12 +59,7 @@ class PostureCost:
     def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray) -> None:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
         # n, dof); `axes`: tool axes, (n, 3).
-        lower, upper = arm.limits.joint_range(arm.dof)
-        both = np.isfinite(lower) & np.isfinite(upper)
-        low = np.where(both, lower, 0.0)
-        high = np.where(both, upper, 0.0)
-        self.middle = (high + low) / 2
-        self.half = np.where(both, (high - low) / 2, np.inf)
+        self.middle, self.half = middle_and_half(arm)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
         self.arm = arm
         self.axes = axes
@@ -54,15 +73,8 @@ class PostureCost:
         # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
         # cost the linearized cost does not include.
         self.shares = (1.0,) if tilt is None and not len(self.arm_joints) else SHARES
-        pace = np.ones(arm.dof)
-        if arm.limits.joint_velocity is not None:
-            slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
-            # A joint without a limit counts as the fastest one.
-            slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
-            pace = np.min(slowest) / slowest
-        # A joint with a larger weight moves less.
+        pace = paces(arm)
         weights = np.asarray(arm.chain.weights)
-        pace = pace * weights
         # A heavy axis must not outweigh the costs of a tilt or a singular posture.
         self.heaviest = max(1.0, float(weights.max()))
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
