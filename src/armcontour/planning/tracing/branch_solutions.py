@@ -111,7 +111,7 @@ def find_solutions(
     failures: list[Failure] = []
     if redundant and has_graph(arm):
         found = find_postures(arm, s[knot_index], knot_poses, task, stations, starts)
-        followed = found.paths
+        followed = [shift_by_turns(arm, q, seed)[0] for q in found.paths]
         for x in found.failures:
             failures.append(replace(x, reached=int(knot_index[x.reached])))
     if not followed:

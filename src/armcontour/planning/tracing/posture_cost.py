@@ -15,6 +15,10 @@ from armcontour.robot import SerialArm
 INNER_RANGE = 0.7
 # Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
+# Joint positions of a cell beyond this fraction have an additional cost, by this factor, because
+# neither weights nor the rest of the path may push a joint out of its range.
+OUTER_RANGE = 0.95
+OUTER_FACTOR = 20.0
 # Fractions of a step that are tried with costs that are not quadratic.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
@@ -77,6 +81,7 @@ class PostureCost:
         weights = np.asarray(arm.chain.weights)
         # A heavy axis must not outweigh the costs of a tilt or a singular posture.
         self.heaviest = max(1.0, float(weights.max()))
+        self.outer = OUTER_FACTOR * self.heaviest if len(arm.chain.external) else 0.0
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole = steps.sum(axis=1, keepdims=True)
         path_share = np.diff(s) / (s[-1] - s[0])
@@ -93,13 +98,22 @@ class PostureCost:
     def values(self, q: FloatArray) -> FloatArray:
         """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
-        excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
+        excess, _ = self._range_excess(q)
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
         # rotation of the tool have equal cost, and rounding errors decide between them.
         total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
         for excess, _ in self._excesses(q):
             total += (excess**2).sum(axis=1)
         return np.asarray(total)
+
+    def _range_excess(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the excesses over the inner ranges, and their derivatives, (paths, n, dof) each."""
+        share = (q - self.middle) / self.half
+        inner = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
+        outer = np.maximum(np.abs(share) - OUTER_RANGE, 0.0)
+        slope = np.where(inner > 0.0, 1.0, 0.0) + np.where(outer > 0.0, self.outer, 0.0)
+        excess = self.outside * (inner + self.outer * outer)
+        return excess, np.copysign(self.outside * slope / self.half, share)
 
     def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
@@ -160,10 +174,8 @@ class PostureCost:
         - `w`: null-space bases, (paths, n, free, dof).
         """
         count, n, free, _ = w.shape
-        share = (q - self.middle) / self.half
-        beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
-        slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
-        gradient = slope * self.outside * np.copysign(beyond, share)
+        excess, slope = self._range_excess(q)
+        gradient = slope * excess
         weight = slope**2
         ahead = self.weights**2
         pull = ahead * (q[:, 1:] - q[:, :-1])
