@@ -7,7 +7,7 @@ later, by duration: see `trace_by_duration` in planning/program_tracing.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -22,7 +22,7 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
 )
 from armcontour.planning.tracing.positioner_tilt import check_fixed_tilt
-from armcontour.planning.tracing.postures import find_postures, has_graph
+from armcontour.planning.tracing.postures import ARM_JOINTS, find_postures, has_graph
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
 from armcontour.planning.tracing.smoothing import (
     interpolate_monotone,
@@ -100,48 +100,92 @@ def find_solutions(
     """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
-    max_correction = EXACTLY if seed is None else NEARLY
     # No posture of the arm changes this angle, so it is the reason before any other.
     s = np.append(fine.s0, path.length)
     check_fixed_tilt(arm, s, poses)
-    redundant = task < arm.dof
-    stations = choose_stations(path, knots, knot_poses)
     starts = None if seed is None else configurations(arm, poses[0], task, seed)
-    followed: list[FloatArray] = []
-    failures: list[Failure] = []
-    if redundant and has_graph(arm):
-        found = find_postures(arm, s[knot_index], knot_poses, task, stations, starts)
-        followed = [shift_by_turns(arm, q, seed)[0] for q in found.paths]
-        for x in found.failures:
-            failures.append(replace(x, reached=int(knot_index[x.reached])))
-    if not followed:
+    collected = _Solutions(
+        arm=arm,
+        s=s[knot_index],
+        poses=knot_poses,
+        task=task,
+        seed=seed,
+        stations=choose_stations(path, knots, knot_poses),
+        knot_index=knot_index,
+    )
+    redundant = task < arm.dof
+    # The whole path decides on the postures of a cell. An arm without external axes has little
+    # room to move, so following is enough in most cases.
+    if redundant and has_graph(arm) and arm.dof > ARM_JOINTS:
+        collected.search(starts)
+    if not collected.solutions:
         if starts is None:
             starts = configurations(arm, poses[0], task)
         if len(starts) == 0:
             refuse_first_pose(path, arm, poses, task, seed)
-        followed, incomplete = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
-        failures += incomplete
-        followed = [q[knot_index] for q in followed]
-        if redundant:
-            followed = _rank(arm, s[knot_index], knot_poses, task, followed, seed)
-    s = s[knot_index]
-    solutions: list[Solution] = []
-    different = _DistinctSolutions(arm, knot_poses, task)
-    candidates = _with_costs(arm, s, knot_poses, task, followed, seed, stations)
-    for count, (q, cost) in enumerate(candidates, start=1):
-        in_range = _turn_into_range(arm, q, seed)
-        if isinstance(in_range, Failure):
-            failures.append(replace(in_range, reached=int(knot_index[in_range.reached])))
-        elif different.add(in_range):
-            solutions.append(Solution(q=in_range, cost=cost))
-        if redundant and solutions and count >= MAX_SMOOTHED:
-            break
+        collected.follow(poses, starts[:MAX_STARTS])
+    if redundant and not collected.solutions and has_graph(arm) and arm.dof == ARM_JOINTS:
+        collected.search(None if seed is None else starts)
+    solutions = collected.solutions
     if not solutions:
-        refuse_path(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
+        farthest = max(collected.failures, key=lambda x: x.reached)
+        refuse_path(path, arm, fine, poses, task, farthest)
     # Solutions with the elbow up and down often have equal cost. The solution whose joints start
     # closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return solutions[:MAX_SOLUTIONS] if redundant else solutions
+
+
+@dataclass(slots=True, kw_only=True)
+class _Solutions:
+    """Collects the solutions of a path, and the places at which others end."""
+
+    arm: SerialArm
+    s: FloatArray  # Arc lengths of the knots [m], (n,)
+    poses: FloatArray  # Tool poses at the knots, (n, 3, 4)
+    task: int
+    seed: FloatArray | None
+    stations: Stations
+    knot_index: IntArray  # Index of each knot among the followed poses, (n,)
+    solutions: list[Solution] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)  # With indices of followed poses
+
+    def search(self, starts: FloatArray | None) -> None:
+        """Add solutions that are chosen over the whole path, from starts, (k, dof), if given."""
+        postures = find_postures(self.arm, self.s, self.poses, self.task, self.stations, starts)
+        for x in postures.failures:
+            self._fail(x)
+        self._add([shift_by_turns(self.arm, q, self.seed)[0] for q in postures.paths])
+
+    def follow(self, poses: FloatArray, starts: FloatArray) -> None:
+        """Add solutions that follow poses, (m, 3, 4), from starts, (k, dof)."""
+        correction = EXACTLY if self.seed is None else NEARLY
+        followed, incomplete = _follow(self.arm, poses, self.task, starts, correction)
+        self.failures += incomplete
+        at_knots = [q[self.knot_index] for q in followed]
+        if self.task < self.arm.dof:
+            at_knots = _rank(self.arm, self.s, self.poses, self.task, at_knots, self.seed)
+        self._add(at_knots)
+
+    def _add(self, joint_paths: list[FloatArray]) -> None:
+        """Add joint paths, (n, dof) each, that stay in the joint ranges, after smoothing."""
+        arm = self.arm
+        different = _DistinctSolutions(arm, self.poses, self.task)
+        candidates = _with_costs(
+            arm, self.s, self.poses, self.task, joint_paths, self.seed, self.stations
+        )
+        for count, (q, cost) in enumerate(candidates, start=1):
+            in_range = _turn_into_range(arm, q, self.seed)
+            if isinstance(in_range, Failure):
+                self._fail(in_range)
+            elif different.add(in_range):
+                self.solutions.append(Solution(q=in_range, cost=cost))
+            if self.task < arm.dof and self.solutions and count >= MAX_SMOOTHED:
+                break
+
+    def _fail(self, failure: Failure) -> None:
+        """Add a failure at a knot."""
+        self.failures.append(replace(failure, reached=int(self.knot_index[failure.reached])))
 
 
 def _with_costs(

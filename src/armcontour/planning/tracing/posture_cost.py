@@ -107,7 +107,7 @@ class PostureCost:
         return np.asarray(total)
 
     def _range_excess(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the excesses over the inner ranges, and their derivatives, (paths, n, dof) each."""
+        """Return excesses over the inner ranges and their derivatives, (paths, n, dof) each."""
         share = (q - self.middle) / self.half
         inner = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
         outer = np.maximum(np.abs(share) - OUTER_RANGE, 0.0)

@@ -47,6 +47,14 @@ FINER = 0.5
 MORE_POSES = 4
 # An axis whose range has at least this length [rad] has a periodic grid in the first attempt.
 WHOLE_TURN = 2 * np.pi
+# Ranges that are longer have a periodic grid in the second attempt as well [rad].
+FEW_TURNS = 6 * np.pi
+# Largest factor of the steps of axes that turn, and largest step of axes that slide, as a fraction
+# of the arm's length, if there are too many tool poses.
+WIDER = 3.0
+WIDEST_SLIDE = 0.6
+# Fraction of the positions of an axis that turns at which a limited tilt is possible, about.
+TILTED_SHARE = 0.25
 # Largest move of an external axis between stations: this angle [rad], these steps of its grid, and
 # this multiple of the tool's rotation.
 LARGEST_TURN = 0.45
@@ -70,6 +78,7 @@ class Layer(NamedTuple):
     branch: IntArray  # Configuration of the arm, (nodes,)
     cells: FloatArray  # Positions of the external axes in each cell [rad], (cells, external)
     starts: IntArray  # Index of the first node of each cell, and number of nodes, (cells + 1,)
+    kept: BoolArray  # Mask of the cells among the given ones
 
 
 @compiled()
@@ -151,8 +160,8 @@ class Postures:
 
 
 def has_graph(arm: SerialArm) -> bool:
-    """Test whether an arm has external axes, and its own six joints have a closed form."""
-    return arm.dof > ARM_JOINTS and _closed_form(arm) is not None
+    """Test whether the last six joints of an arm have a closed form."""
+    return arm.dof >= ARM_JOINTS and _closed_form(arm) is not None
 
 
 def find_postures(
@@ -229,11 +238,10 @@ class _Graph:
         self.wraps = whole & ~arm.chain.slides
         if step < 1.0:
             # The second attempt knows how far an axis has turned.
-            bounded = np.isfinite(self.upper - self.lower)
-            self.wraps[: self.first] &= ~bounded[: self.first]
+            self.wraps[: self.first] &= (self.upper - self.lower > FEW_TURNS)[: self.first]
         self.level = self._leveling_axis()
-        self.steps = self._steps(step, share * MAX_POSES / len(s), task)
         self.turns = self._tool_turns(step, task)
+        self.steps = self._steps(step, share * MAX_POSES / len(s))
         self.layers: list[Layer] = []
         self.backs: list[IntArray] = []
         self.failure = Failure(reached=0, q=self.middle)
@@ -249,7 +257,7 @@ class _Graph:
         levels = np.flatnonzero(sines > LEVELING_SINE)
         return int(levels[-1]) if len(levels) else None
 
-    def _steps(self, factor: float, most: float, task: int) -> FloatArray:
+    def _steps(self, factor: float, most: float) -> FloatArray:
         """Return the steps of the grid of each external axis [rad or m], (external,)."""
         chain = self.arm.chain
         slides = chain.slides[: self.first]
@@ -257,21 +265,18 @@ class _Graph:
         steps = np.where(slides, SLIDE_STEP * lengths, TURN_STEP) * factor
         if chain.floor_link and not slides[0]:
             steps[0] = PART_STEP * factor
-        tools = int(np.ceil(WHOLE_TURN / (TOOL_STEP * factor))) if task == 5 else 1
-        # Slides have larger steps first, because smoothing moves them far.
-        for _ in range(100):
+        widest = np.where(slides, WIDEST_SLIDE * lengths, WIDER * steps)
+        tools = len(self.turns)
+        if tilt_of(chain) is not None:
+            tools *= TILTED_SHARE
+        while (steps < widest).any():
             counts = [len(self._grid(k, steps[k])) for k in range(self.first) if k != self.level]
             if np.prod(counts, initial=1.0) * tools <= most:
                 break
-            large = slides if slides.any() and self._slide_counts(steps).max() > 3 else ~slides
-            steps = np.where(large, 1.2 * steps, steps)
+            # Slides have larger steps first, because smoothing moves them far.
+            large = slides if (steps < widest)[slides].any() else ~slides
+            steps = np.where(large, np.minimum(1.2 * steps, widest), steps)
         return steps
-
-    def _slide_counts(self, steps: FloatArray) -> FloatArray:
-        """Return the numbers of positions of the axes that slide, (external,); 0 for others."""
-        slides = self.arm.chain.slides[: self.first]
-        counts = [len(self._grid(k, steps[k])) if slides[k] else 0 for k in range(self.first)]
-        return np.array(counts)
 
     def _grid(self, axis: int, step: float) -> FloatArray:
         """Return the positions of an external axis [rad or m]."""
@@ -318,7 +323,7 @@ class _Graph:
             time = np.inf if speed is None else float((self.s[i] - self.s[i - 1]) / speed)
             relax(
                 after.q, after.cost, after.starts, layer.q, cost, layer.starts,
-                np.ascontiguousarray(near[kept][self._kept_cells]),
+                np.ascontiguousarray(near[kept][after.kept]),
                 weights / max(self.place[i] - self.place[i - 1], 1e-6), self.wraps,
                 self._largest_moves(float(rotation)), slowness, time, total, back,
             )  # fmt: skip
@@ -451,6 +456,7 @@ class _Graph:
             branch=np.zeros(count, dtype=np.intp),
             cells=starts[:, : self.first],
             starts=np.arange(count + 1),
+            kept=np.ones(count, dtype=np.bool_),
         )
 
     def _layer(self, i: int, cells: FloatArray) -> Layer:
@@ -481,13 +487,14 @@ class _Graph:
         cell, _, branch = np.nonzero(inside)
         cost += self._tilt_cost(i, cells)[cell]
         numbers = np.bincount(cell, minlength=count)
-        self._kept_cells = numbers > 0
+        kept = numbers > 0
         return Layer(
             q=np.ascontiguousarray(q[inside]),
             cost=cost * RANGE_WEIGHT**2 / len(self.s),
             branch=branch,
-            cells=cells[self._kept_cells],
-            starts=np.append(0, np.cumsum(numbers[self._kept_cells])),
+            cells=cells[kept],
+            starts=np.append(0, np.cumsum(numbers[kept])),
+            kept=kept,
         )
 
     def _tilt_cost(self, i: int, cells: FloatArray) -> FloatArray:
