@@ -10,6 +10,7 @@ from armcontour.control.compensation import CompensationOptions
 from armcontour.core.quantities import (
     Angle,
     AtLeast,
+    ConeAngle,
     Convert,
     Distance,
     Interval,
@@ -175,7 +176,7 @@ class FollowModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationModel(RotationModel):
-    """The required tool orientation: one of the keys except `axis_only`.
+    """The required tool orientation: one of the keys except `axis_only` and `cone`.
 
     Args:
         axis: Direction of the tool axis; rotation about the tool axis is free.
@@ -185,6 +186,8 @@ class OrientationModel(RotationModel):
         face: For edges of a model, the axis is perpendicular to one face at the edge.
         axis_only: Whether only the direction of the tool axis is required; rotation about the tool
             axis is free.
+        cone: Largest angle by which the tool may lean from its required axis, whose rotation must
+            be free; the tool point stays on the path. Alone for a file with tool axes.
     """
 
     axis: Direction | None = None
@@ -192,6 +195,7 @@ class OrientationModel(RotationModel):
     bisector: Bisector | None = None
     face: FaceNormal | None = None
     axis_only: bool = False
+    cone: ConeAngle = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

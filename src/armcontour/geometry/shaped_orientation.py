@@ -104,7 +104,7 @@ def orient_shaped(
     allowed = check_angular_tolerance(objective, angular_tolerance, straight)
     pairs = check_correspondence(places, objective, path)
     orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
-    return replace(path, orientation=orientation), deviation
+    return replace(path, orientation=orientation.with_cone(source.cone)), deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

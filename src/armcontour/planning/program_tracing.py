@@ -22,6 +22,7 @@ from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
+from armcontour.planning.tracing.joint_ranges import turn_by
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -322,15 +323,23 @@ class _Tracer:
         if end is None:
             return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.arm, **configuration_of(self.arm, end))
+            return self._continue(path, i, end)
         except Unreachable as error:
             if self.start is not None and not self.done:
                 raise error.with_location(IN_START_CONFIGURATION) from None
             if not self.looks_ahead:
-                return self._fastest(path, i)
+                return _without_unwinding(self._fastest(path, i), self.arm, end)
             if i not in self.fastest:
                 self.fastest[i] = self._fastest(path, i)
-            return self.fastest[i]
+            return _without_unwinding(self.fastest[i], self.arm, end)
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -384,6 +393,19 @@ class _Tracer:
                 return np.inf
         joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
         return sum(bound_duration(x, self.arm.limits) for x in joint_paths)
+
+
+def _without_unwinding(joint_path: JointPath, arm: Arm, end: FloatArray) -> JointPath:
+    """Shift joints without a range by whole turns, so that they begin near the previous end.
+
+    - `end`: joint positions after the previous move [rad], (dof,).
+    """
+    if not isinstance(arm, SerialArm):
+        return joint_path
+    lower, upper = arm.limits.joint_range(arm.dof)
+    endless = np.isinf(lower) & np.isinf(upper) & ~arm.chain.slides
+    turns = np.rint((end - ends_of(joint_path)[0]) / (2 * np.pi))
+    return turn_by(joint_path, np.where(endless, turns, 0.0))
 
 
 def _is_same(path: Path, other: Path) -> bool:
@@ -467,7 +489,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
     orientation = Orientation.even(path.lengths, starts, rates, axis_only=axis_only)
-    return replace(path, orientation=orientation)
+    cone = min(x.cone for x, _ in orientations) if axis_only else 0.0
+    return replace(path, orientation=orientation.with_cone(cone))
 
 
 def trace_by_duration(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import field
-from typing import Annotated, Any
+from dataclasses import field, replace
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,49 @@ LENGTH = Quantity("m")
 
 
 @declared(eq=False)
+class Follower(Checked):
+    """A joint inside an arm that follows another joint, as the linkage of a palletizer.
+
+    It has no drive and no position of its own: it turns by `factor` times the position of its
+    leader. The next joint, or the tip, is in its frame.
+
+    Args:
+        after: Index of the joint after which it comes; it is in the frame of this joint's link, or
+            of the previous follower of the same link.
+        leader: Index of the joint that it follows.
+        factor: Its position divided by that of the leader.
+        place: Its frame at 0 in the frame before it.
+        axis: Its axis as a unit vector in its frame, (3,).
+    """
+
+    after: int
+    leader: int
+    factor: Annotated[float, Quantity("")]
+    place: Frame
+    axis: Annotated[FloatArray, Quantity(""), Axes(3)]
+
+    def shifted(self, by: int) -> Follower:
+        """Return the follower in a chain that has more joints before it.
+
+        Args:
+            by: Number of these joints.
+        """
+        return replace(self, after=self.after + by, leader=self.leader + by)
+
+
+class Row(NamedTuple):
+    """A row of the kinematics of a chain: a joint or a follower."""
+
+    name: str
+    place: Frame  # Frame at 0 in the frame of the previous row
+    axis: FloatArray  # Unit vector in this frame, (3,)
+    slides: bool
+    leader: int  # Index of the joint whose position moves it
+    factor: float  # Its position divided by that of this joint
+    follows: bool  # True for a follower
+
+
+@declared(eq=False)
 class Chain(Checked):
     """Joints in series, each with the link after the joint; arrays have one row per joint.
 
@@ -74,6 +117,7 @@ class Chain(Checked):
         weights: Weights of the joint motions for a redundant arm, (n,); 1 by default. A joint with
             a larger weight moves less.
         held: Positions at which some joints stay [rad], by index; by default all joints move.
+        followers: Joints that follow other joints, in the order from the base; by default none.
         positioner: The positioner whose axes are the first joints, from the part to the floor; None
             without one. With a positioner the base is the table, and its frame is that of the floor
             with these joints at 0.
@@ -107,6 +151,7 @@ class Chain(Checked):
     prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
     weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
     held: Mapping[int, float] = field(default_factory=dict)
+    followers: tuple[Follower, ...] = ()
     positioner: Positioner | None = None
     floor_link: int = 0
     floor: Frame = field(default_factory=Frame)
@@ -178,9 +223,32 @@ class Chain(Checked):
         return shared_unit(unit, chosen)
 
     @property
+    def rows(self) -> list[Row]:
+        """The joints and their followers, from the base to the tip."""
+        rows: list[Row] = []
+        for k in range(len(self)):
+            place = Frame(position=self.positions[k], rotation=self.rotations[k])
+            rows.append(
+                Row(self.joints[k], place, self.axes[k], bool(self.slides[k]), k, 1.0, False)
+            )
+            for x in self.followers:
+                if x.after == k:
+                    name = f"follower of {self.joints[x.leader]}"
+                    rows.append(Row(name, x.place, x.axis, False, x.leader, x.factor, True))
+        return rows
+
+    @property
+    def joint_row(self) -> IntArray:
+        """Index of each joint among the `rows`, (n,)."""
+        after = np.array([x.after for x in self.followers], dtype=np.intp)
+        return np.array([k + np.sum(after < k) for k in range(len(self))], dtype=np.intp)
+
+    @property
     def external(self) -> tuple[int, ...]:
         """Indices of the external axes: prismatic joints, and a positioner's from the floor."""
-        return (*np.flatnonzero(self.slides).tolist(), *range(self.floor_link - 1, -1, -1))
+        first = self.floor_link
+        sliding = np.flatnonzero(self.slides[first:]) + first
+        return (*sliding.tolist(), *range(first - 1, -1, -1))
 
     @property
     def arm_branch(self) -> Chain:
@@ -192,7 +260,8 @@ class Chain(Checked):
         first = self.floor.inverse @ first
         rows["positions"][0] = first.position
         rows["rotations"][0] = first.rotation
-        return self.replace(**rows, **FROM_FLOOR)
+        followers = tuple(x.shifted(-self.floor_link) for x in self.followers)
+        return self.replace(**rows, **FROM_FLOOR, followers=followers)
 
     @property
     def part_branch(self) -> Chain | None:
@@ -213,6 +282,7 @@ class Chain(Checked):
             centers=centers,
             inertias=np.array([x.inertia for x in axes]),
             **{x: getattr(self, x)[:count][::-1] for x in ("armature", "viscous", "coulomb")},
+            prismatic=tuple(x.prismatic for x in axes),
             tip=Frame(position=-origins[-1]) @ self.base.inverse,
             gravity=self.gravity,
             payload=self.positioner.part,
@@ -224,7 +294,7 @@ class Chain(Checked):
         if self.positioner is not None:
             raise InvalidInput("The arm already has a positioner: add its rail first.")
         return self._with_first(
-            ("rail",), [rail], rail.origin, prismatic=True, positions=np.zeros((1, 3))
+            ("rail",), [rail], rail.origin, prismatic=(True,), positions=np.zeros((1, 3))
         )
 
     @checked
@@ -240,7 +310,7 @@ class Chain(Checked):
             tuple(x.name for x in axes),
             axes,
             -origins[-1],
-            prismatic=False,
+            prismatic=tuple(x.prismatic for x in axes),
             axes=-_directions(axes),
             positions=np.diff(origins, axis=0, prepend=0.0),
             # The bodies are in the first branch.
@@ -255,7 +325,7 @@ class Chain(Checked):
         added: Sequence[Rail | PositionerAxis],
         offset: FloatArray,
         *,
-        prismatic: bool,
+        prismatic: tuple[bool, ...],
         **changes: FloatArray,
     ) -> Chain:
         """Return the chain with joints put before its own, which move by `offset` [m], (3,)."""
@@ -274,27 +344,71 @@ class Chain(Checked):
         return self.replace(
             **{x: np.concatenate([first[x], rows]) for x, rows in own.items() if x in PER_JOINT},
             joints=(*names, *self.joints),
-            prismatic=(*[prismatic] * n, *own["prismatic"]),
+            prismatic=(*prismatic, *own["prismatic"]),
             held=held | {k + n: x for k, x in self.held.items()},
+            followers=tuple(x.shifted(n) for x in self.followers),
+        )
+
+    @checked
+    def with_base_moved(self, moved: Frame) -> Chain:
+        """Return the chain with the base of the arm, and its rail, moved in the cell.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0.
+        """
+        base = moved @ self.base
+        if self.positioner is None:
+            return self.replace(base=base)
+        # The axes do not move, so their coordinates in the frame of the base change.
+        seen = self.positioner.seen_from(self.base.inverse @ base)
+        axes = seen.axes[::-1]
+        count = self.floor_link
+        origins = np.array([x.origin for x in axes])
+        positions = np.array(self.positions)
+        positions[:count] = np.diff(origins, axis=0, prepend=0.0)
+        positions[count] += -origins[-1] - self.floor.position
+        directions = np.array(self.axes)
+        directions[:count] = -_directions(axes)
+        gravity = base.rotation.T @ self.base.rotation @ self.gravity
+        return self.replace(
+            positioner=seen,
+            axes=directions,
+            positions=positions,
+            floor=Frame(position=-origins[-1], rotation=self.floor.rotation),
+            base=base,
+            gravity=gravity,
         )
 
     def without_held(self) -> Chain:
         """Return the chain for kinematics in which the held joints are rigid."""
         frames = []
+        followers = []
         before = Frame()
         floor = self.floor
-        for k in range(len(self)):
-            before = before @ Frame(position=self.positions[k], rotation=self.rotations[k])
-            if k in self.held:
-                moved = self.held[k] * self.axes[k]
-                rigid = Frame(position=moved) if self.slides[k] else Frame(rotation=exp(moved))
+        moving = np.setdiff1d(np.arange(len(self)), list(self.held))
+        k = -1
+        for row in self.rows:
+            before = before @ row.place
+            k += not row.follows
+            if row.leader in self.held:
+                moved = row.factor * self.held[row.leader] * row.axis
+                rigid = Frame(position=moved) if row.slides else Frame(rotation=exp(moved))
                 before = before @ rigid
+            elif row.follows:
+                follower = Follower(
+                    after=len(frames) - 1,
+                    leader=int(np.searchsorted(moving, row.leader)),
+                    factor=row.factor,
+                    place=before,
+                    axis=row.axis,
+                )
+                followers.append(follower)
+                before = Frame()
             else:
                 frames.append(before)
                 before = Frame()
-            if k + 1 == self.floor_link:
+            if k + 1 == self.floor_link and not row.follows:
                 floor = before @ floor
-        moving = np.setdiff1d(np.arange(len(self)), list(self.held))
         return self.replace(
             **joint_rows(self, moving)
             | {
@@ -303,6 +417,7 @@ class Chain(Checked):
                 **dict.fromkeys(("masses", "centers", "inertias")),
             },
             held={},
+            followers=tuple(followers),
             floor_link=int(np.sum(moving < self.floor_link)),
             floor=floor,
             tip=before @ self.tip,
@@ -351,7 +466,8 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """Return the base and link frames of `chain` in the work frame at q, (n, dof + 1, 3, 4)."""
     from armcontour.robot.kernels import frames_of
 
-    joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
+    frames = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
+    joints = frames[:, [*chain.joint_row, -1]]
     poses = np.empty_like(joints)
     poses[:, 0] = chain.base.matrix
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
@@ -377,16 +493,20 @@ def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """Return the link table of `chain` for the compiled kinematics, (dof + 1, 13)."""
+    """Return the link table of `chain` for the compiled kinematics, (rows + 1, 15)."""
     # A row has the rotation (row by row) and the position of a joint frame or the tool frame,
     # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
-    # The last column is 1 for a prismatic joint, otherwise 0.
-    table = np.empty((len(chain) + 1, 13))
+    # The last columns are 1 for a prismatic joint, otherwise 0; the index of the joint whose
+    # position moves the row, and the factor of this position.
+    rows = chain.rows
+    table = np.empty((len(rows) + 1, 15))
     end = chain.tip @ chain.tool
-    table[:, 12] = *chain.slides, False
-    turns = [*joint_frames(chain), np.eye(3)]
-    rotations = [*chain.rotations, end.rotation]
-    positions = [*chain.positions, end.position]
+    table[:, 12] = *(x.slides for x in rows), False
+    table[:, 13] = *(x.leader for x in rows), -1
+    table[:, 14] = *(x.factor for x in rows), 0.0
+    turns = [*_frames_along(np.array([x.axis for x in rows])), np.eye(3)]
+    rotations = [*(x.place.rotation for x in rows), end.rotation]
+    positions = [*(x.place.position for x in rows), end.position]
     before = chain.base.rotation
     offset = chain.base.position
     for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
@@ -399,8 +519,13 @@ def link_table(chain: Chain) -> FloatArray:
 
 def joint_frames(chain: Chain) -> FloatArray:
     """Return rotations in the link frames of `chain` that turn z to the joint axes, (n, 3, 3)."""
-    frames = np.tile(np.eye(3), (len(chain), 1, 1))
-    for frame, axis in zip(frames, chain.axes, strict=True):
+    return _frames_along(chain.axes)
+
+
+def _frames_along(axes: FloatArray) -> FloatArray:
+    """Return rotations that turn z to unit vectors, (n, 3) to (n, 3, 3)."""
+    frames = np.tile(np.eye(3), (len(axes), 1, 1))
+    for frame, axis in zip(frames, axes, strict=True):
         if axis[2] != 1.0:
             across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             frame[:, 0] = across / np.linalg.norm(across)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
+    from armcontour.robot.tool_turning import ToolTurning
 
 # Joint axes are parallel if the sine of their angle is below this, which allows for rounding
 # errors.
@@ -99,6 +100,9 @@ class SerialArm(Arm):
     @cached_property
     def moves_in_a_plane(self) -> bool:
         """True if the joints move the tool in a plane only."""
+        if self.chain.followers:
+            # Linkages move the tool along circles, whose planes the axes do not tell.
+            return False
         jacobian = self.jacobian(np.zeros(self.dof))
         slides = self.chain.slides
         # The angular part of the Jacobian has the revolute joint axes as columns.
@@ -108,6 +112,13 @@ class SerialArm(Arm):
         if rank == 0:
             return bool(np.linalg.matrix_rank(paths, tol=PARALLEL_AXES) < 3)
         return bool(rank == 1 and (np.abs(axes[:, 0] @ paths) < PARALLEL_AXES).all())
+
+    @cached_property
+    def tool_turning(self) -> ToolTurning | None:
+        """Rotations of the tool if it turns about one direction or not at all, otherwise None."""
+        from armcontour.robot.tool_turning import ToolTurning
+
+        return ToolTurning.of_arm(self)
 
     @checked
     def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
@@ -130,6 +141,25 @@ class SerialArm(Arm):
                 pinocchio.SE3 or a position [m].
         """
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
+
+    @checked
+    def with_base_moved(self, moved: Pose) -> SerialArm:
+        """Return the arm with its base, and its rail, moved in the cell.
+
+        The part and a positioner stay. The bodies on the floor move with the base.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0: a
+                Frame, a 4 by 4 transform, a pinocchio.SE3 or a position [m].
+        """
+        frame = Frame.from_pose(moved)
+        chain = self.chain.with_base_moved(frame)
+        arm = self._with(chain, "closed_form")
+        if chain.positioner is None or not self.knows_shapes:
+            return arm
+        base = self.chain.base
+        seen = (base.inverse @ frame @ base).inverse
+        return arm.with_shapes(partial(_seen_from_floor, self, chain.floor, seen))
 
     @checked
     def with_rail(self, rail: Rail) -> SerialArm:
@@ -172,11 +202,15 @@ class SerialArm(Arm):
         arm = self._with_chain(chain, limits, assumed)
         return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
 
-    def without_held(self) -> SerialArm:
-        """Return the arm for kinematics in which the held joints are rigid."""
-        moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
+    def without_held(self, released: Collection[int] = ()) -> SerialArm:
+        """Return the arm for kinematics in which the held joints are rigid.
+
+        - `released`: indices of held joints that move in this arm.
+        """
+        held = {k: x for k, x in self.chain.held.items() if k not in released}
+        moving = np.setdiff1d(np.arange(self.dof), list(held))
         limits = select_joints(self.limits, moving)
-        return self._with_chain(self.chain.without_held(), limits, None)
+        return self._with_chain(self.chain.replace(held=held).without_held(), limits, None)
 
     @cached_property
     def from_floor(self) -> SerialArm:
@@ -248,15 +282,39 @@ class SerialArm(Arm):
         return arm
 
 
+def _seen_from_floor(arm: SerialArm, floor: Frame, seen: Frame) -> ArmShapes:
+    """Return the shapes of an arm whose floor has moved against its positioner.
+
+    - `floor`: the new frame of the floor in the frame of its link.
+    - `seen`: the previous floor in the frame of the new one.
+    """
+    shapes = arm.shapes
+    assert shapes is not None
+    placed = []
+    for shape in shapes.shapes:
+        place = shape.place
+        # The frames of the axes are parallel to the floor, and their origins do not move. Link 0 is
+        # the table, whose frame is that of the floor with the axes at 0.
+        if shape.link == 0:
+            place = seen @ place
+        elif shape.link < arm.chain.floor_link:
+            place = Frame(rotation=seen.rotation) @ place
+        elif shape.link == arm.chain.floor_link:
+            place = floor @ arm.chain.floor.inverse @ place
+        placed.append(replace(shape, place=place))
+    return replace(shapes, shapes=tuple(placed))
+
+
 def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
     """Return the shapes of an arm for the chain with external axes before its joints."""
     shapes = arm.shapes
     first = len(chain) - arm.dof
     assert shapes is not None
-    # The base of an arm on a rail is the link of the rail, otherwise it is fixed to the floor.
-    floor = chain.floor if chain.floor_link == first else Frame()
+    # The arm's base is at this position in the last link before its first joint: on a rail or,
+    # with a positioner, on the floor.
+    base = Frame(position=chain.positions[first] - arm.chain.positions[0])
     moved = [
-        replace(x, link=x.link + first, place=x.place if x.link else floor @ x.place)
+        replace(x, link=x.link + first, place=x.place if x.link else base @ x.place)
         for x in shapes.shapes
     ]
     return replace(shapes, shapes=tuple(moved))

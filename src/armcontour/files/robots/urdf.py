@@ -72,7 +72,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
 
     The arm has the joints between two links of the description, `options.base` and `options.tip`.
     Other joints stay at 0, or at the end of their range that is nearest to 0; joints that mimic a
-    joint follow it.
+    joint follow it, as in the linkage of a palletizer.
 
     Args:
         file: The description (URDF).
@@ -92,8 +92,9 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     Raises:
         InvalidInput: The file cannot be read or is not a valid description; a link does not exist;
             the tip is not specified and the description has neither `tool0` nor `flange`; a joint
-            between base and tip is neither revolute nor prismatic, or mimics another joint; a joint
-            that moves the part is prismatic or also moves the tip; or a limit is missing or wrong.
+            between base and tip is neither revolute nor prismatic, or mimics a joint that is not
+            between them; a joint
+            that moves the part also moves the tip; or a limit is missing or wrong.
     """
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
@@ -102,16 +103,23 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     start = tree.root if options.base is None else tree.check_link("base", options.base)
     route = tree.between(start, options.tip or _default_tip(tree, start))
     moving = [x for x in route if x.kind != "fixed"]
+    following = _following_joints(moving)
+    moving = [x for x in moving if x not in following]
     _check_moving_joints(tree, moving)
     turning = [] if options.part is None else _part_joints(tree, start, options.part, moving)
     moving = turning + moving
-    description = Description(tree, route, moving, start, len(turning))
+    description = Description(tree, route, moving, start, len(turning), following)
     chain = description.chain()
     described = _limits(tree, moving, options.joint_limits, has_bodies=chain.masses is not None)
     limits = described.limits
     if options.part is not None:
         chain = description.cell(chain, limits, options.part, options.tilt)
-    notes = (*description.notes, described.note, missing_meshes(tree))
+    notes = (
+        *description.notes,
+        described.note,
+        missing_meshes(tree),
+        _note_without_shape(description),
+    )
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -124,6 +132,22 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
     return arm.with_shapes(partial(_shapes, arm, description))
+
+
+def _note_without_shape(description: Description) -> str:
+    """Return a note on links whose shapes are left out, because their joints follow others."""
+    count = len(description.moving)
+    left_out = [
+        name
+        for name, (number, _) in description.link_frames().items()
+        if number > count and description.tree.links[name].find("collision") is not None
+    ]
+    if not left_out:
+        return ""
+    return (
+        f"the shapes of {list_some(left_out, MAX_NAMED)} are left out, because joints that follow "
+        "others carry these links; the clearance does not include them"
+    )
 
 
 def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
@@ -172,13 +196,19 @@ def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joi
             "moves both. Choose another part or base."
         )
     _check_moving_joints(tree, joints, "part")
-    sliding = next((x.name for x in joints if x.kind == "prismatic"), None)
-    if sliding is not None:
-        raise InvalidInput(
-            f"Joint {sliding} of {tree.file} is prismatic, but the joints that move a part must be "
-            "revolute. Make it fixed in the file."
-        )
     return joints
+
+
+def _following_joints(route: list[Joint]) -> list[Joint]:
+    """Return the revolute joints of a route that mimic one of its joints, before the last joint."""
+    names = {x.name for x in route if x.master is None}
+    last = max((k for k, x in enumerate(route) if x.master is None), default=0)
+    following: list[Joint] = []
+    for joint in route[:last]:
+        if joint.master in names and joint.kind in ("revolute", "continuous"):
+            following.append(joint)
+            names.add(joint.name)
+    return following
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> None:

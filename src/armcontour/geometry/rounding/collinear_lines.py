@@ -235,9 +235,10 @@ def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
     if orientation is not None and carried:
         # The frame turns with the first tangent.
         turn = exp(shortest(segments.tangents[0], lines.tangents[0]))
-        orientation = carry_frame(
+        along_lines = carry_frame(
             lines, turn @ orientation.starts[0], axis_only=orientation.axis_only
         )
+        orientation = along_lines.with_cone(orientation.cone)
     elif orientation is not None:
         columns = copy_pieces(orientation, runs.first)
         old_lengths = np.add.reduceat(segments.lengths, runs.first)

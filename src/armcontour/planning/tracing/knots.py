@@ -11,6 +11,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding.rounded_path import OUT_OF_PLANE
+from armcontour.planning.tracing.parallel_joints import task_of_parallel_joints
 from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, divided by the extent of the path.
@@ -154,18 +155,23 @@ def _cells(path: Path) -> Knots:
 
 def task_dimension(path: Path, arm: SerialArm) -> int:
     """Return how many of the tool's 6 degrees of freedom the path prescribes."""
-    # The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3
-    # (position).
+    # The task dimension is 6 (position and orientation), 5 (position and tool axis), 4 (position
+    # and rotation about the direction of parallel joints) or 3 (position).
     if path.dimension != 3:
         raise ArmMismatch(
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
             f"{arm.dimension}. Use a path with {arm.dimension} coordinates."
         )
     orientation = path.orientation
+    turning = arm.tool_turning
     if orientation is None:
-        _refuse_position_only(arm)
+        if turning is None or not turning.keeps_axis:
+            _refuse_position_only(arm)
         return 3
-    task = 5 if orientation.axis_only else 6
+    if turning is not None:
+        task = task_of_parallel_joints(path, arm, turning)
+    else:
+        task = 5 if orientation.axis_only else 6
     if task > arm.dof:
         remedy = f"Use an arm with at least {task} joints"
         if arm.dof == 5:

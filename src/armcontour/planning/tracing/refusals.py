@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
+from armcontour.core.render import number
 from armcontour.core.sampled_data import spread_indices
+from armcontour.core.text import capitalise
 from armcontour.geometry import Path
-from armcontour.planning.tracing.joint_ranges import out_of_range
+from armcontour.planning.tracing.causes import (
+    SINGULAR,
+    Relaxation,
+    Singularity,
+    find_causes,
+    smallest_singular_value,
+)
+from armcontour.planning.tracing.joint_ranges import called, out_of_range
 from armcontour.planning.tracing.knots import OUT_OF_REACH, Knots, poses_at, suggest_remedy
 from armcontour.robot import SerialArm
 from armcontour.robot.arm import unit_hint
-from armcontour.robot.inverse_kinematics import REACH_SEEDS, configurations, out_of_reach, seeds
+from armcontour.robot.inverse_kinematics import (
+    REACH_SEEDS,
+    configurations,
+    out_of_reach,
+    seeds,
+    smallest_angle,
+)
 
 # Number of poses, those farthest out of reach with one seed, that are searched with several seeds.
 SOME_POSES = 10
@@ -22,6 +39,10 @@ SOME_POSES = 10
 MANY_POSES = 300
 # Bisections for the arc length at which the reach ends.
 REACH_BISECTIONS = 30
+# Angle from which the orientation of the tool is missed [rad].
+MISSED_ANGLE = 1e-6
+# Largest number of remedies in a message.
+MOST_REMEDIES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +73,8 @@ def refuse_first_pose(
     if worst > 0 and gaps.max() > gap:
         worst_point = tuple(np.round(poses[worst, :, 3], 6).tolist())
         farthest = f" (at most {gaps.max():.3g} m on the path, at {worst_point} m)"
+    if gaps.max() <= OUT_OF_REACH and gap <= OUT_OF_REACH:
+        _refuse_posture(path, arm, poses[0], task)
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation. The tool "
@@ -60,6 +83,27 @@ def refuse_first_pose(
         s=0.0,
         limit="reach",
         needed=gap,
+        allowed=0.0,
+    )
+
+
+def _refuse_posture(path: Path, arm: SerialArm, pose: FloatArray, task: int) -> NoReturn:
+    """Raise Unreachable for a first pose whose position is in reach, but which has no posture."""
+    angle = smallest_angle(arm, pose, task, seeds(arm)[:REACH_SEEDS])
+    place = f"At 0 m along the path, at {tuple(np.round(pose[:, 3], 6).tolist())} m,"
+    words = f"no posture of the arm {arm.name} keeps the ranges of its joints"
+    if angle > MISSED_ANGLE:
+        turned = "axis" if task == 5 else "orientation"
+        words = (
+            f"the arm {arm.name} reaches the position, but the tool's {turned} stays "
+            f"{number(angle, 'rad')} away from the required one"
+        )
+    raise Unreachable(
+        f"{place} {words}. {suggest_remedy(path)}.",
+        point=pose[:, 3].tolist(),
+        s=0.0,
+        limit="orientation" if angle > MISSED_ANGLE else "range",
+        needed=angle,
         allowed=0.0,
     )
 
@@ -134,26 +178,168 @@ def refuse_path(
             needed=gap,
             allowed=0.0,
         )
-    _refuse_singularity(path, arm, float(s[i - 1]), poses[i - 1], task, failure.q)
+    _refuse_stop(path, arm, float(s[i - 1]), poses[i - 1], task, failure.q)
 
 
-def _refuse_singularity(
+def _refuse_stop(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
-) -> None:
-    """Raise Unreachable for the singularity after joint positions q [rad], (dof,), at s [m]."""
-    jacobian = arm.jacobian(q)
-    angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
-    _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
-    joint = int(np.argmax(np.abs(motions[task - 1])))
+) -> NoReturn:
+    """Raise Unreachable for a path in reach that joint positions q [rad] at s [m] do not continue.
+
+    - `pose`: tool pose at s, (3, 4).
+    - `q`: (dof,).
+    """
+    value, joint = smallest_singular_value(arm, pose, task, q)
+    if value <= SINGULAR:
+        place = Singularity(s=s, joint=joint, value=value)
+        raise singular(path, arm, place, suggest_remedy(path))
     raise Unreachable(
-        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
-        f"singularity, at which joint {joint + 1} would need an unlimited velocity (smallest "
-        f"singular value {sizes[task - 1]:.2g}). {suggest_remedy(path)}.",
+        f"After {s:.6g} m of {path.length:.6g} m along the path, no continuous motion of the arm "
+        f"{arm.name} goes on, though each pose is within reach (the smallest singular value is "
+        f"{value:.2g}, so the arm is not singular). {suggest_remedy(path)}.",
         s=s,
         point=pose[:, 3].tolist(),
-        joint=joint,
+        limit="continuity",
+    )
+
+
+def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unreachable:
+    """Make the error for a singularity on the path, with a remedy without a period."""
+    return Unreachable(
+        f"At {place.s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
+        f"singularity, at which {called(arm, place.joint)} would need an unlimited velocity "
+        f"(smallest singular value {place.value:.2g}). {remedy}.",
+        s=place.s,
+        point=path(place.s).tolist(),
+        joint=place.joint,
         limit="singularity",
     )
+
+
+def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
+    """Return the error with the true cause, if one is found, by which a path is refused.
+
+    - `arm`: the arm with its held joints.
+    - `task`: task dimension, see `task_dimension`.
+    """
+    is_far = error.limit == "reach" and (error.needed or 0.0) > OUT_OF_REACH
+    if is_far and not arm.chain.held:
+        # No range and no held axis is the cause, because the search for the pose ignores ranges.
+        return error
+    findings = find_causes(path, arm, task)
+    if findings.singularity is not None:
+        if not findings.relaxations:
+            return singular(path, arm, findings.singularity, suggest_remedy(path))
+        return singular(path, arm, findings.singularity, _remedies(arm, findings.relaxations))
+    if findings.relaxations and findings.relaxations[0].kind != "rotation":
+        return _refusal(path, arm, findings.relaxations, _remedies(arm, findings.relaxations))
+    if is_far or findings.is_feasible or not findings.strained:
+        return error
+    remedy = "Move the path or the arm"
+    if len(findings.strained) > 1:
+        also = _excesses(arm, findings.strained[1 : MOST_REMEDIES + 1])
+        remedy = f"A larger range alone does not suffice: {also}. {remedy}"
+    return _refusal(path, arm, findings.strained, remedy)
+
+
+def _remedies(arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
+    """Return what makes the path feasible, as a sentence without a period."""
+    tried = list(dict.fromkeys(_remedy(arm, x) for x in relaxations))[:MOST_REMEDIES]
+    return f"{capitalise(', or '.join(tried))}, or move the path or the arm"
+
+
+def _excesses(arm: SerialArm, causes: Sequence[Relaxation]) -> str:
+    """Return by how much several ranges, or the tilt, are exceeded as well."""
+    parts = []
+    for cause in causes:
+        name = "the tilt" if cause.kind == "tilt" else called(arm, cause.joint)
+        unit = "rad" if cause.kind == "tilt" else arm.chain.unit("rad", cause.joint)
+        excess = number(abs(cause.needed - cause.allowed), unit)
+        parts.append(f"{name} would exceed its limit by {excess}")
+    return ", and ".join(parts)
+
+
+def _refusal(
+    path: Path, arm: SerialArm, relaxations: Sequence[Relaxation], remedy: str
+) -> Unreachable:
+    """Make the error for the first of several relaxations, with a remedy without a period."""
+    first = relaxations[0]
+    limit = first.kind
+    if first.kind == "range":
+        limit = "joint_upper" if first.needed > first.allowed else "joint_lower"
+    return Unreachable(
+        f"{_describe(path, arm, relaxations)}. {remedy}.",
+        s=first.s,
+        point=path(first.s).tolist(),
+        joint=first.joint if first.joint >= 0 else None,
+        limit=limit,
+        needed=first.needed,
+        allowed=first.allowed,
+    )
+
+
+def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
+    """Describe the first of several relaxations in a sentence without a period."""
+    cause = relaxations[0]
+    place = f"At {cause.s:.6g} m of {path.length:.6g} m along the path"
+    if cause.kind == "tilt":
+        return (
+            f"{place} the tool axis would be at least {number(cause.needed, 'rad')} from gravity, "
+            f"but the tilt of the positioner allows at most {number(cause.allowed, 'rad')}"
+        )
+    unit = arm.chain.unit("rad", cause.joint)
+    name = called(arm, cause.joint)
+    if cause.kind == "hold":
+        words = (
+            f"{place} {name} would have to be at {number(cause.needed, unit)}, but `hold` keeps it "
+            f"at {number(cause.allowed, unit)}"
+        )
+        for tilt in relaxations:
+            if tilt.kind == "tilt":
+                words += (
+                    f", where the tool axis is up to {number(tilt.needed, 'rad')} from gravity "
+                    f"(the tilt of the positioner allows {number(tilt.allowed, 'rad')})"
+                )
+        return words
+    end = "upper" if cause.needed > cause.allowed else "lower"
+    words = (
+        f"{place} {name} would have to be at {number(cause.needed, unit)}, "
+        f"{number(abs(cause.needed - cause.allowed), unit)} beyond its {end} limit of "
+        f"{number(cause.allowed, unit)}"
+    )
+    if cause.travel > cause.width:
+        words += (
+            f", because it moves over {number(cause.travel, unit)} and its range is only "
+            f"{number(cause.width, unit)} wide"
+        )
+    elif cause.s_first < cause.s:
+        words += f"; it leaves its range at {cause.s_first:.6g} m"
+    return words
+
+
+def _remedy(arm: SerialArm, cause: Relaxation) -> str:
+    """Return the instruction that applies a relaxation, in lower case."""
+    if cause.kind == "rotation":
+        return "leave the rotation about the tool axis free"
+    if cause.kind == "tilt":
+        return f"specify a tilt of at least {_above(cause.needed, 'rad')}"
+    name = called(arm, cause.joint)
+    if cause.kind == "hold":
+        return f"do not hold {' and '.join(called(arm, k) for k in cause.together)}"
+    unit = arm.chain.unit("rad", cause.joint)
+    least = min(cause.least, cause.lower)
+    most = max(cause.most, cause.upper)
+    ends = [_above(-least, unit, -1.0)] if least < cause.lower else []
+    ends += [_above(most, unit)] if most > cause.upper else []
+    return f"let {name} move to {' and to '.join(ends)}"
+
+
+def _above(value: float, unit: str, sign: float = 1.0) -> str:
+    """Write a value with its sign, rounded up to 0.1 degrees or 1 mm, so that it suffices."""
+    step = np.radians(0.1) if unit == "rad" else 1e-3
+    rounded = np.ceil(value / step + 1e-9) * step
+    scale, shown = (180 / np.pi, "deg") if unit == "rad" else (1e3, "mm")
+    return f"{sign * rounded * scale:.10g} {shown}"
 
 
 def _find_end_of_reach(

@@ -39,6 +39,7 @@ from armcontour.planning.tracing.knots import (
     suggest_remedy,
     task_dimension,
 )
+from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 
@@ -58,6 +59,11 @@ A = TypeVar("A", bound=Arm, covariant=True)
 ANGULAR_TOLERANCE = 1e-9
 # Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR_JACOBIAN = 1e-9
+# Task dimensions that compare the whole rotation of the tool
+WHOLE_ROTATIONS = (4, 6)
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
@@ -119,6 +125,13 @@ class Solver(ABC, Generic[A]):
         q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
+
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m].
+
+        An arm in the plane stops only where it is singular.
+        """
+        return 0.0
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
@@ -202,8 +215,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         coarse = knots.part(too_coarse)
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
-            s_singular = float(coarse.s0[small[0]])
-            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
+            first = small[0]
+            refuse_stop(solver, float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -224,14 +237,24 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
-def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Raise Unreachable at a point of the path at which the joints have no unique motion.
+def refuse_stop(solver: Solver[Any], s: float, *q: FloatArray) -> NoReturn:
+    """Raise Unreachable at a point of the path behind which the joint path does not go on.
 
     - `s`: arc length of the point [m].
-    - `state`: state of the arm at the point, such as "is singular".
+    - `q`: joint positions near the point [rad], (dof,) each.
     """
+    from armcontour.planning.tracing.causes import SINGULAR
+
     path = solver.path
     point = solver.path(s).tolist()
+    value = min(solver.smallest_singular_value(s, x) for x in q if np.isfinite(x).all())
+    is_singular = value <= SINGULAR
+    state = "is singular"
+    if not is_singular:
+        state = (
+            "would have to jump between configurations, though it is not singular (smallest "
+            f"singular value {value:.2g})"
+        )
     raise Unreachable(
         describe_fast_rotation(path, s)
         or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
@@ -239,7 +262,7 @@ def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
         f"{suggest_remedy(path)}.",
         point=point,
         s=s,
-        limit="singularity",
+        limit="singularity" if is_singular else "continuity",
     )
 
 
@@ -250,7 +273,7 @@ class NumericSolver(Solver[SerialArm]):
         self,
         path: Path,
         arm: SerialArm,
-        task: int,  # Task dimension: 6, 5 or 3, see `task_dimension`
+        task: int,  # Task dimension: 6, 5, 4 or 3, see `task_dimension`
         tolerance: float,  # Largest distance of the tool from the path between knots [m]
         guide: Guide | None,  # Guide of a redundant arm
     ) -> None:
@@ -271,7 +294,9 @@ class NumericSolver(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+            assert guess is not None
+            first = int(np.argmax(bad))
+            refuse_stop(self, float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -281,9 +306,17 @@ class NumericSolver(Solver[SerialArm]):
         if self.task == 3:
             return error
         turned = difference[:, :, 2]
-        if self.task == 6:
+        if self.task in WHOLE_ROTATIONS:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
+
+    def smallest_singular_value(self, s: float, q: FloatArray) -> float:
+        """Return the smallest singular value at joint positions q [rad], (dof,), at s [m]."""
+        from armcontour.planning.tracing.causes import smallest_singular_value
+        from armcontour.planning.tracing.strained_postures import targets_at
+
+        pose = targets_at(self.path, np.array([s]))[0]
+        return smallest_singular_value(self.arm, pose, self.task, q)[0]
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -420,8 +453,9 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    moving, joints = _moving(arm)
+    moving, joints = without_held(arm)
     task = task_dimension(path, moving)
+    path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
     solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
@@ -431,7 +465,7 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
@@ -520,9 +554,12 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
 
 
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
-    """Test whether the joints of an arm that are not held can move while the tool rests."""
-    moving, _ = _moving(arm)
-    return task_dimension(path, moving) < moving.dof
+    """Test whether the joints of an arm that are not held can move while the tool point rests."""
+    from armcontour.planning.tracing.leaning import may_lean
+
+    moving, _ = without_held(arm)
+    task = task_dimension(path, moving)
+    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -540,7 +577,7 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
-    _, joints = _moving(arm)
+    moving, joints = without_held(arm)
     knots = first_knots(path, arm.span, FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
@@ -549,7 +586,13 @@ def _trace_near(
         knots = knots.halve(split, u)[0]
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
-    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+    poses = row_of_poses(path, knots)
+    if task_dimension(path, moving) == AXIS_TASK:
+        from armcontour.planning.tracing.leaning import leans, trace_leaning
+
+        if leans(moving, poses, q):
+            return trace_leaning(path, arm, knots, poses, q)
+    return _refine_solution(path, arm, knots, poses, q)
 
 
 def _trace_planar(
@@ -568,18 +611,46 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
+    from armcontour.planning.tracing.leaning import attempts, may_lean
+    from armcontour.planning.tracing.refusals import name_cause
+
+    moving, joints = without_held(arm)
+    task = task_dimension(path, moving)
+    near = None if seed is None else seed[joints]
+    try:
+        if task == AXIS_TASK and may_lean(path, moving):
+            return _complete(attempts(path, arm, near, tolerance), max_count)
+        return _trace_exactly(path, arm, task, near, tolerance, max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others.
+        if seed is not None:
+            raise
+        raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
+
+
+def _trace_exactly(
+    path: Path,
+    arm: SerialArm,
+    task: int,
+    seed: FloatArray | None,
+    tolerance: float,
+    max_count: int | None,
+) -> list[JointPath]:
+    """Trace a path in the configurations in which the tool has the required orientation.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
     from armcontour.planning.tracing.branch_solutions import find_solutions
 
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
-    knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
-    poses = row_of_poses(path, knots)
+    moving, _ = without_held(arm)
+    turned = turn_as_tool(path, moving)
+    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
+    poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
         return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
 
-    near = None if seed is None else seed[joints]
-    solutions = find_solutions(path, moving, knots, poses, task, near)
+    solutions = find_solutions(turned, moving, knots, poses, task, seed)
     return _complete((partial(refine_solution, x) for x in solutions), max_count)
 
 
@@ -600,15 +671,35 @@ def _refine_solution(
     """
     from armcontour.planning.tracing.smoothing import null_space
 
-    moving, joints = _moving(arm)
+    moving, _ = without_held(arm)
     task = task_dimension(path, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s, q, w, path.stops)
-    numeric = NumericSolver(path, moving, task, tolerance, guide)
+    return refine_guided(path, arm, knots, q, task, guide, tolerance)
+
+
+def refine_guided(
+    path: Path,
+    arm: SerialArm,
+    knots: Knots,
+    q: FloatArray,
+    task: int,
+    guide: Guide | None,
+    tolerance: float,
+) -> JointPath:
+    """Refine joint positions near those at knots to a joint path, and check its ranges.
+
+    - `q`: as in `_refine_solution`.
+    - `task`: task dimension; the guide determines the other motions.
+    """
+    moving, joints = without_held(arm)
+    numeric = NumericSolver(turn_as_tool(path, moving), moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
+    if numeric.path is not path:
+        joint_path = replace(joint_path, tool_path=path)
     if moving is not arm:
         joint_path = _with_held(joint_path, arm.chain, joints)
     check_joint_range(joint_path, arm.limits, arm)
