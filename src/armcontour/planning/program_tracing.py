@@ -21,6 +21,13 @@ from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
+from armcontour.planning.still_rapids import (
+    find_gap,
+    rapids_to_contour,
+    trace_across,
+    trace_away,
+    trace_towards,
+)
 from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
 from armcontour.planning.tracing.joint_ranges import turn_by
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
@@ -255,6 +262,8 @@ class _Tracer:
     # closed; None for the place right before this path.
     rapid_step: int | None = None
     done: int = 0  # Number of traced contours
+    # Joint paths of later moves that are already traced, by the index of the move
+    ahead: dict[int, JointPath] = field(default_factory=dict)
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
@@ -265,7 +274,7 @@ class _Tracer:
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                known = self.known.get(self.done)
+                known = self.known.get(self.done, self.ahead.get(i))
                 self._append(i, self._trace(move.path, i) if known is None else known, called)
             self.done += 1
         elif not isinstance(move, Rapid):
@@ -285,6 +294,11 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
+            if self.arm.chain.still:
+                if i not in self.ahead:
+                    self._trace_ahead(i, lambda x: turn_along(x, before, after))
+                self._append(i, self.ahead[i], called)
+                return
             if self.done == 0 and 0 in self.known:
                 start = ends_of(self.known[0])[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
@@ -341,6 +355,41 @@ class _Tracer:
             return self._fastest(path, i, q)
         return trace(path, self.arm, **configuration_of(self.arm, q))
 
+    def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
+        """Trace the rapids from move i to the next contour, and this contour.
+
+        Joints that are still within contours move between them: on a joint motion without a path,
+        or else along the last rapid before the contour.
+
+        - `turn`: adds the orientation to the path of a rapid.
+        """
+        moves = self.program.moves
+        arm = self.arm
+        assert isinstance(arm, SerialArm)
+        rapids, k = rapids_to_contour(moves, i)
+        paths = [turn(x) for x in rapids.values()]
+        end = self._end
+        if k is None:
+            assert end is not None
+            self.ahead |= zip(rapids, trace_away(paths, arm, end), strict=True)
+            return
+        contour = moves[k]
+        assert isinstance(contour, Contour)
+        known = self.known.get(self.done)
+        self.ahead[k] = self._trace(contour.path, k) if known is None else known
+        start = ends_of(self.ahead[k])[0]
+        before = None if end is None or self.last is None else self.last.tool_path
+        gap = find_gap(moves, i, k, before)
+        if gap is not None:
+            count = sum(x < gap for x in rapids)
+            joint_paths = trace_away(paths[:count], arm, start if end is None else end)
+            joint_paths += trace_towards(paths[count:], arm, start)
+            self.ahead |= zip(rapids, joint_paths, strict=True)
+            return
+        assert end is not None
+        joint_paths = trace_across([*paths, contour.path], arm, end, start)
+        self.ahead |= zip([*rapids, k], joint_paths, strict=True)
+
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
         arm = self.arm
@@ -382,7 +431,13 @@ class _Tracer:
         """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(
-            self, steps=[], last=joint_path, rapid_step=None, done=done, looks_ahead=False
+            self,
+            steps=[],
+            last=joint_path,
+            rapid_step=None,
+            done=done,
+            ahead={},
+            looks_ahead=False,
         )
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + LOOK_AHEAD:
@@ -503,13 +558,16 @@ def trace_by_duration(
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths, the fastest group first.
 
+    An arm that prefers the least motion has groups of one joint path, the least motion first.
+
     The path is traced in all configurations. The joint paths of a group are sorted by length, the
     shortest first. For a path of more than MANY_SEGMENTS segments, only the fastest is yielded.
     """
     bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > MANY_SEGMENTS and isinstance(arm, SerialArm):
+    is_long = isinstance(path, Path) and len(path) > MANY_SEGMENTS
+    if is_long and isinstance(arm, SerialArm) and not arm.chain.still:
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
@@ -519,8 +577,28 @@ def trace_by_duration(
     joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
     if len(joint_paths) == 1:
         yield joint_paths
+    elif isinstance(arm, SerialArm) and arm.chain.prefer == "least motion":
+        yield from _by_cost(joint_paths, arm, rough)
     else:
         yield from _group_by_duration(joint_paths, arm, rough)
+
+
+def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Yield joint paths one by one in their order, which is that of their costs.
+
+    Joint paths that cannot be planned come last.
+
+    - `rough`: limits of the plans that show whether a joint path can be planned.
+    """
+    failed = []
+    for joint_path in joint_paths:
+        try:
+            plan_optimal(joint_path, arm, rough, COARSE_PLAN)
+        except ArmContourError:
+            failed.append(joint_path)
+            continue
+        yield [joint_path]
+    yield from ([x] for x in failed)
 
 
 def _group_by_duration(
@@ -559,7 +637,7 @@ def _group_by_duration(
 def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
     """Return the joint positions [rad], (dof,), at the start of a path in each configuration."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    if len(path) > MANY_SEGMENTS:
+    if len(path) > MANY_SEGMENTS and not arm.chain.still:
         try:
             return [x[0] for x in sketch_all(path, arm)[1]]
         except Unreachable:

@@ -18,6 +18,7 @@ from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
+from armcontour.robot.preferences import narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form_kinematics import ClosedForm
@@ -55,8 +56,8 @@ def resolve_limits(
         planned: The limits of the plan; None without a plan or limits.
 
     Returns:
-        The limits with one value per joint. A limit is None only if it is removed or the arm has
-        none.
+        The limits with one value per joint, with joint ranges inside those of the arm's
+        preferences. A limit is None only if it is removed or the arm has none.
 
     Raises:
         InvalidInput: `limits` is not a Limits, has another number of joints or an empty joint
@@ -75,7 +76,8 @@ def resolve_limits(
     resolved = first.for_joints(arm.dof)
     for base in others:
         resolved = resolved.over(base.for_joints(arm.dof))
-    return resolved
+    chain = getattr(arm, "chain", None)
+    return resolved if chain is None else narrow_ranges(resolved, chain)
 
 
 def unit_of(arm: Arm | None, unit: str, joint: int | None = None) -> str:
@@ -300,6 +302,8 @@ class Arm(Immutable, ABC):
         if "chain" in changes:
             # The cached dynamics belong to the previous chain.
             vars(other).pop("dynamics", None)
+        if "limits" in changes or "chain" in changes:
+            vars(other).pop("from_floor", None)
         vars(other).update(changes)
         return other
 

@@ -28,6 +28,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.robot.bodies import INERTIA, Payload, check_inertia
 from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
+from armcontour.robot.preferences import Prefer
 
 # Fields with one row per joint
 PER_JOINT = (
@@ -37,6 +38,8 @@ PER_JOINT = (
 # Fields of `arm_branch`, the chain from the floor to the tool
 FROM_FLOOR: dict[str, Any] = {
     "held": {},
+    "still": (),
+    "ranges": {},
     "positioner": None,
     "floor_link": 0,
     "floor": Frame(),
@@ -118,6 +121,10 @@ class Chain(Checked):
             a larger weight moves less.
         held: Positions at which some joints stay [rad], by index; by default all joints move.
         followers: Joints that follow other joints, in the order from the base; by default none.
+        still: Indices of joints that stay still within each contour; by default none.
+        ranges: Preferred ranges of some joints [rad], by index, inside the joints' own ranges.
+        prefer: What the planner prefers if a redundant arm can follow a path in several ways; None
+            weighs time against joint motion.
         positioner: The positioner whose axes are the first joints, from the part to the floor; None
             without one. With a positioner the base is the table, and its frame is that of the floor
             with these joints at 0.
@@ -152,6 +159,9 @@ class Chain(Checked):
     weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
     held: Mapping[int, float] = field(default_factory=dict)
     followers: tuple[Follower, ...] = ()
+    still: tuple[int, ...] = ()
+    ranges: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    prefer: Prefer | None = None
     positioner: Positioner | None = None
     floor_link: int = 0
     floor: Frame = field(default_factory=Frame)
@@ -335,17 +345,18 @@ class Chain(Checked):
         first: dict[str, FloatArray] = {
             "rotations": np.tile(np.eye(3), (n, 1, 1)), "axes": _directions(added),
             "masses": np.array([x.mass for x in added]), "centers": np.zeros((n, 3)),
-            "inertias": np.zeros((n, 3, 3)), "weights": np.array([x.weight for x in added]),
+            "inertias": np.zeros((n, 3, 3)), "weights": np.ones(n),
             **dict.fromkeys(("armature", "viscous", "coulomb"), np.zeros(n)),
         } | changes  # fmt: skip
         own = joint_rows(self, np.arange(len(self)))
         own["positions"][0] += offset
-        held = {k: x.hold for k, x in enumerate(added) if x.hold is not None}
         return self.replace(
             **{x: np.concatenate([first[x], rows]) for x, rows in own.items() if x in PER_JOINT},
             joints=(*names, *self.joints),
             prismatic=(*prismatic, *own["prismatic"]),
-            held=held | {k + n: x for k, x in self.held.items()},
+            held={k + n: x for k, x in self.held.items()},
+            still=tuple(k + n for k in self.still),
+            ranges={k + n: x for k, x in self.ranges.items()},
             followers=tuple(x.shifted(n) for x in self.followers),
         )
 
@@ -386,6 +397,7 @@ class Chain(Checked):
         before = Frame()
         floor = self.floor
         moving = np.setdiff1d(np.arange(len(self)), list(self.held))
+        number = {k: i for i, k in enumerate(moving.tolist())}
         k = -1
         for row in self.rows:
             before = before @ row.place
@@ -418,6 +430,8 @@ class Chain(Checked):
             },
             held={},
             followers=tuple(followers),
+            still=tuple(number[k] for k in self.still if k in number),
+            ranges={number[k]: x for k, x in self.ranges.items() if k in number},
             floor_link=int(np.sum(moving < self.floor_link)),
             floor=floor,
             tip=before @ self.tip,

@@ -42,7 +42,6 @@ FIELDS = {
     "joint_jerk": "jerk",
     "joint_torque": "torque",
 }
-Weight = Annotated[float, Quantity("", sign="positive")]
 Point = Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)]
 # Angle between the tool axis and gravity [rad].
 Tilt = Annotated[float, Quantity("rad", "10 deg", within=(1e-3, np.pi))]
@@ -67,12 +66,9 @@ class Rail(Checked):
         origin: Position of the arm's base with the rail at 0 [m], (3,). The frame of the rail
             replaces the frame of the arm's base in the work frame and in the scene.
         mass: Mass of carriage and arm base, which the force accelerates [kg].
-        weight: Weight of the rail's motion relative to the other joints. With a larger weight the
-            rail moves less, and the arm reaches farther.
-        hold: Position at which the rail stays [m]; by default it moves.
 
     Raises:
-        InvalidInput: The axis is zero, the range is empty, or `hold` is outside.
+        InvalidInput: The axis is zero, or the range is empty.
     """
 
     fields: ClassVar = {**FIELDS, "joint_torque": "force"}
@@ -85,8 +81,6 @@ class Rail(Checked):
     force: Force | None = None
     origin: Point = field(default_factory=lambda: np.zeros(3))
     mass: Mass = 0.0
-    weight: Weight = 1.0
-    hold: Length | None = None
 
     def _check_together(self) -> None:
         _check_axis("a rail", "m", self)
@@ -103,7 +97,7 @@ class PositionerAxis(Checked):
     ...     name="turn", axis=(0.0, 0.0, 1.0), origin=(0.8, 0.0, 0.0), lower=-6.0, upper=6.0,
     ...     velocity=1.0, acceleration=2.0,
     ... )
-    >>> turn.hold is None
+    >>> turn.jerk is None
     True
 
     Args:
@@ -120,13 +114,11 @@ class PositionerAxis(Checked):
         mass: Mass of the body between this axis and the next one, or of the table [kg].
         center: Its centre of mass [m], (3,); by default the origin.
         inertia: Its inertia about the centre of mass [kg m²], (3, 3); that of a point by default.
-        weight: Weight of its motion relative to the other joints, as for a rail.
-        hold: Position at which the axis stays [rad]; by default it moves.
         prismatic: Whether the axis slides; by default it turns.
 
     Raises:
-        InvalidInput: The axis is zero, the range is empty, `hold` is outside, a prismatic axis has
-            no range, or no body can have the inertia.
+        InvalidInput: The axis is zero, the range is empty, a prismatic axis has no range, or no
+            body can have the inertia.
     """
 
     fields: ClassVar = FIELDS
@@ -144,8 +136,6 @@ class PositionerAxis(Checked):
     inertia: Annotated[FloatArray, Quantity("kg m^2"), Axes(3, 3), TENSOR] = field(
         default_factory=lambda: np.zeros((3, 3))
     )
-    weight: Weight = 1.0
-    hold: Angle | None = None
     prismatic: Annotated[bool, NO_KEY] = False
 
     def _check_together(self) -> None:
@@ -218,7 +208,7 @@ class Positioner(Checked):
 
 
 def _check_axis(called: str, unit: str, axis: Rail | PositionerAxis) -> None:
-    """Check direction, range and held position of an axis; `called` and `unit` are for messages."""
+    """Check direction and range of an axis; `called` and `unit` are for messages."""
     if not np.linalg.norm(axis.axis) > 0:
         raise InvalidInput(f"The axis of {called} must be a direction, but is zero.")
     lower = -np.inf if axis.lower is None else axis.lower
@@ -227,9 +217,4 @@ def _check_axis(called: str, unit: str, axis: Rail | PositionerAxis) -> None:
         raise InvalidInput(
             f"The range of {called} is empty: lower ({lower:g} {unit}) must be less than upper "
             f"({upper:g} {unit})."
-        )
-    if axis.hold is not None and not lower <= axis.hold <= upper:
-        raise InvalidInput(
-            f"hold of {called} is {axis.hold:g} {unit}, but its range is from {lower:g} to "
-            f"{upper:g} {unit}."
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -19,6 +19,12 @@ from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
 from armcontour.robot.external_axes import FIELDS, Positioner, PositionerAxis, Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
+from armcontour.robot.preferences import (
+    JointPreference,
+    Prefer,
+    apply_preferences,
+    narrow_ranges,
+)
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
@@ -180,6 +186,52 @@ class SerialArm(Arm):
             positioner: The positioner.
         """
         return self._with_first(self.chain.on_positioner(positioner), positioner.axes[::-1])
+
+    @checked
+    def with_preferences(
+        self, preferences: Mapping[str, JointPreference], *, prefer: Prefer | None = None
+    ) -> SerialArm:
+        """Return the arm with preferences for the motion of its joints.
+
+        >>> from armcontour.robot import JointPreference
+        >>> rail = ac.Rail(axis=(1.0, 0.0, 0.0), upper=3.0, velocity=1.0, acceleration=2.0)
+        >>> arm = ac.load_arm("ur10e").with_rail(rail)
+        >>> arm = arm.with_preferences({"rail": JointPreference(range=(0.5, 2.5))})
+        >>> float(arm.limits.joint_upper[0])
+        2.5
+
+        Args:
+            preferences: Preferences by the names of the joints, which are also those of a rail
+                ("rail") and of the axes of a positioner. They replace earlier ones for the same
+                joints, but a narrower range remains.
+            prefer: What the planner prefers if a redundant arm can follow a path in several ways:
+                "fastest" takes the shortest duration, "least motion" the least weighted motion of
+                the joints. By default it takes the least motion among those that are almost as
+                fast as the fastest one.
+
+        Raises:
+            InvalidInput: A joint does not exist, all joints are held, or a held position or a range
+                is outside the joint's own range.
+        """
+        chain = apply_preferences(self.chain, self.limits, self.name, preferences, prefer)
+        return self._copy(chain=chain, limits=narrow_ranges(self.limits, chain))
+
+    def holding(self, positions: Mapping[int, float]) -> SerialArm:
+        """Return the arm with further joints held, and no joints that are still.
+
+        Args:
+            positions: Positions of the joints [rad], by index.
+        """
+        chain = self.chain.replace(held={**self.chain.held, **positions}, still=())
+        return self._copy(chain=chain)
+
+    def weighting(self, weights: FloatArray) -> SerialArm:
+        """Return the arm with other weights of its joint motions.
+
+        Args:
+            weights: Positive weights, (dof,).
+        """
+        return self._copy(chain=self.chain.replace(weights=weights))
 
     def _with_first(self, chain: Chain, axes: Sequence[Rail | PositionerAxis]) -> SerialArm:
         """Return the arm with the chain that has external axes before its own joints."""

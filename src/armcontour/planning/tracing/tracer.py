@@ -42,6 +42,7 @@ from armcontour.planning.tracing.knots import (
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.preferences import list_held
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -67,6 +68,8 @@ POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3
+# Number of steps in which joint positions are found along a path on which still joints move.
+STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
@@ -425,6 +428,10 @@ def trace_all(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
+    if arm.chain.still:
+        from armcontour.planning.tracing.still_joints import trace_still
+
+        return trace_still(path, arm, near, tolerance, max_count)
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -454,7 +461,7 @@ def sketch_all(
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
     moving, joints = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
@@ -469,6 +476,31 @@ def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
     return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
+
+
+def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+    """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    try:
+        return task_dimension(path, moving)
+    except InvalidInput as error:
+        if not arm.chain.held:
+            raise
+        # Raises the error if the arm does not support the path even with all of its joints.
+        task = task_dimension(path, arm)
+        raise ArmMismatch(
+            f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
+            f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
+            f"{list_held(arm.chain)}. Hold fewer joints, or prescribe less of the tool's "
+            "orientation (axis_only leaves the rotation about the tool axis free).",
+            joint=min(arm.chain.held),
+            needed=float(task),
+            allowed=float(moving.dof),
+        ) from error
+
+
+def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
+    """Return the arm with its still joints held at their positions in q [rad], (dof,)."""
+    return arm.holding({k: float(q[k]) for k in arm.chain.still}) if arm.chain.still else arm
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -503,6 +535,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -541,6 +574,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
+    arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not _is_redundant(path, arm):
@@ -553,12 +587,66 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     return _trace_near(path, arm, positions, 0.0)
 
 
+def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
+    """Trace a path on which the still joints move evenly from one position to another.
+
+    The other joints begin at `first` and follow; at the end they may differ from `last`.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        first: Joint positions at the start of the path [rad], (dof,).
+        last: Joint positions [rad], (dof,), of which those of the still joints count.
+
+    Raises:
+        Unreachable: The arm cannot follow the path in this way.
+    """
+    still = list(arm.chain.still)
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Return joint positions at increasing arc lengths [m], (n, dof)."""
+        count = np.ceil(np.diff(along, prepend=0.0) / path.length * STEPS_BETWEEN).astype(np.intp)
+        q = first.copy()
+        found = []
+        before = 0.0
+        for s, steps in zip(along, count, strict=True):
+            for x in np.linspace(before, s, steps + 1)[1:]:
+                q[still] = first[still] + (last[still] - first[still]) * x / path.length
+                q = _solve_near(path, arm, float(x), q)
+            before = s
+            found.append(q.copy())
+        return np.array(found)
+
+    return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
+def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArray:
+    """Return joint positions nearest to q [rad], (dof,), for a tool pose, with still joints kept.
+
+    - `s`: arc length of the pose [m].
+    """
+    from armcontour.planning.tracing.smoothing import null_space
+
+    moving, joints = without_held(hold_still(arm, q))
+    task = dimension_of(path, arm, moving)
+    rotation = np.eye(3) if path.orientation is None else path.orientation(s)
+    pose = np.column_stack([rotation, path(s)])[None]
+    near = q[None, joints]
+    w = null_space(moving, pose, task, near)[:, None]
+    solution = near.copy()
+    if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
+        refuse_stop(NumericSolver(path, moving, task, TRACING_TOLERANCE, None), s, near[0])
+    found = q.copy()
+    found[joints] = solution[0]
+    return found
+
+
 def _is_redundant(path: Path, arm: SerialArm) -> bool:
     """Test whether the joints of an arm that are not held can move while the tool point rests."""
     from armcontour.planning.tracing.leaning import may_lean
 
     moving, _ = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
@@ -615,7 +703,7 @@ def _trace_serial(
     from armcontour.planning.tracing.refusals import name_cause
 
     moving, joints = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
     try:
         if task == AXIS_TASK and may_lean(path, moving):
@@ -672,7 +760,7 @@ def _refine_solution(
     from armcontour.planning.tracing.smoothing import null_space
 
     moving, _ = without_held(arm)
-    task = task_dimension(path, moving)
+    task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
         w = null_space(moving, poses, task, q)
