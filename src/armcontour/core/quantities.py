@@ -283,8 +283,9 @@ Force = Annotated[float, Quantity("N", "2000 N", "positive")]
 Angle = Annotated[float, Quantity("rad", "90 deg")]
 Turn = Annotated[float, Quantity("rad", "90 deg", "turn")]
 AngularDistance = Annotated[float, Quantity("rad", "2 deg", "not negative")]
-# Angle by which the tool axis may deviate from the prescribed one, up to 60 deg.
-ConeAngle = Annotated[float, Quantity("rad", "10 deg", within=(0.0, math.pi / 3))]
+# Largest cone around a tool axis [rad]
+LARGEST_CONE = math.pi / 3
+ConeAngle = Annotated[float, Quantity("rad", "10 deg", within=(0.0, LARGEST_CONE))]
 AngularRate = Annotated[float, Quantity("rad/s", "90 deg/s", "positive")]
 AngularAcceleration = Annotated[float, Quantity("rad/s^2", "720 deg/s^2", "positive")]
 AngularJerk = Annotated[float, Quantity("rad/s^3", "4000 rad/s^3", "positive")]

@@ -28,8 +28,18 @@ from armcontour.planning.still_rapids import (
     trace_away,
     trace_towards,
 )
-from armcontour.planning.tracing import sketch_all, trace, trace_all, trace_rest, trace_to
+from armcontour.planning.tracing import (
+    Candidate,
+    is_redundant,
+    sketch_all,
+    trace,
+    trace_all,
+    trace_candidates,
+    trace_rest,
+    trace_to,
+)
 from armcontour.planning.tracing.joint_ranges import turn_by
+from armcontour.planning.tracing.leaning import may_lean
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -61,6 +71,12 @@ SAME_ON_PARTS = 1e-4
 BOUND_SHARE = 0.998
 # Durations that differ by at most this fraction, the accuracy of the planner, are equal.
 EQUALLY_FAST = 1e-6
+# An arm with external axes has the joint path of the lowest cost among those that are slower than
+# the fastest one by at most this fraction, because costs follow the weights of the joints.
+NEARLY_AS_FAST = 0.01
+# Joint paths of such an arm whose cost exceeds the lowest one by more than this factor are used
+# only if all others are rejected.
+COSTLY = 2.0
 # Name of the line from given joint positions to the first move, in messages.
 TO_FIRST = "rapid from the given start"
 # Location of errors of moves that the configuration of given joint positions does not complete.
@@ -347,14 +363,6 @@ class _Tracer:
                 self.fastest[i] = self._fastest(path, i)
             return _without_unwinding(self.fastest[i], self.arm, end)
 
-    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
-        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
-        orientation = path.orientation
-        if orientation is not None and orientation.cone > 0.0:
-            # The tool may lean in several ways, which differ in duration and clearance.
-            return self._fastest(path, i, q)
-        return trace(path, self.arm, **configuration_of(self.arm, q))
-
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
 
@@ -389,6 +397,14 @@ class _Tracer:
         assert end is not None
         joint_paths = trace_across([*paths, contour.path], arm, end, start)
         self.ahead |= zip([*rapids, k], joint_paths, strict=True)
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -574,13 +590,36 @@ def trace_by_duration(
         if joint_path is not None:
             yield [joint_path]
             return
-    joint_paths = trace_all(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    candidates = trace_candidates(path, arm, limits=bounds, configuration=configuration, seed=seed)
+    joint_paths = [x.joint_path for x in candidates]
+    prefer = arm.chain.prefer if isinstance(arm, SerialArm) else None
     if len(joint_paths) == 1:
         yield joint_paths
-    elif isinstance(arm, SerialArm) and arm.chain.prefer == "least motion":
+    elif prefer == "least motion":
         yield from _by_cost(joint_paths, arm, rough)
+    elif prefer == "fastest" or not _compares_costs(path, arm):
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST)
     else:
-        yield from _group_by_duration(joint_paths, arm, rough)
+        for part in _divide_by_cost(candidates):
+            yield from _group_by_duration(part, arm, rough, NEARLY_AS_FAST)
+
+
+def _compares_costs(path: Path, arm: Arm) -> bool:
+    """Test whether costs choose among joint paths that are nearly as fast as the fastest one."""
+    # The costs of an arm without external axes and weights only measure the joint paths' lengths.
+    # A tool that may lean leans where that is faster.
+    if not isinstance(arm, SerialArm) or not is_redundant(path, arm) or may_lean(path, arm):
+        return False
+    chain = arm.chain
+    return len(chain.external) > 0 or bool((np.asarray(chain.weights) != 1.0).any())
+
+
+def _divide_by_cost(candidates: list[Candidate]) -> list[list[JointPath]]:
+    """Return the joint paths of low cost, and the others, if any."""
+    highest = COSTLY * candidates[0].cost
+    low = [x.joint_path for x in candidates if x.cost <= highest]
+    others = [x.joint_path for x in candidates if x.cost > highest]
+    return [low, others] if others else [low]
 
 
 def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
@@ -602,14 +641,20 @@ def _by_cost(joint_paths: list[JointPath], arm: Arm, rough: Limits) -> Iterator[
 
 
 def _group_by_duration(
-    joint_paths: list[JointPath], arm: Arm, rough: Limits
+    joint_paths: list[JointPath], arm: Arm, rough: Limits, slack: float
 ) -> Iterator[list[JointPath]]:
-    """Yield groups of equally fast joint paths, the fastest group first.
+    """Yield groups of equally fast joint paths.
+
+    The first group has the first one of the joint paths whose durations exceed the shortest one by
+    at most the fraction `slack`; the next group is found among the other joint paths.
 
     A joint path is planned only when its lower bound of the duration requires it.
 
     - `rough`: limits of the plans that compare joint paths.
     """
+    if len(joint_paths) == 1:
+        yield joint_paths
+        return
     lower_bounds = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(lower_bounds, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED_PIECES:
@@ -619,7 +664,7 @@ def _group_by_duration(
     durations: dict[int, float] = {}
     while order or durations:
         # Joint paths whose lower bounds exceed the fastest duration are planned later.
-        while order and BOUND_SHARE * lower_bounds[order[0]] <= min(
+        while order and BOUND_SHARE * lower_bounds[order[0]] <= (1 + slack) * min(
             durations.values(), default=np.inf
         ):
             i = order.pop(0)
@@ -628,7 +673,12 @@ def _group_by_duration(
             with suppress(ArmContourError):
                 durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
         shortest = min(durations.values())
-        as_fast = sorted(i for i, x in durations.items() if x <= shortest * (1 + EQUALLY_FAST))
+        first = min(i for i, x in durations.items() if x <= shortest * (1 + slack))
+        chosen = durations[first]
+        as_fast = sorted(
+            i for i, x in durations.items()
+            if x == chosen or abs(x - chosen) <= EQUALLY_FAST * chosen
+        )  # fmt: skip
         yield [joint_paths[i] for i in as_fast]
         for i in as_fast:
             del durations[i]

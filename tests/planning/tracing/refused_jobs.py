@@ -3,6 +3,7 @@
 `python -m tests.planning.tracing.refused_jobs COUNT` prints a table of what the refusals name.
 """
 
+import re
 import sys
 import time
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 import armcontour as ac
 from armcontour.core.frames import exp
 from armcontour.planning.tracing import trace_all
+from armcontour.robot import JointPreference, SerialArm
 
 KINDS = ("rail", "positioner", "gantry", "cell", "orientation", "axis")
 # Joints of a six-joint arm of 1.5 m: name, origin, axis, range, velocity.
@@ -62,7 +64,11 @@ def urdf_arm(kind):
     options = {"tip": "tool0"}
     if kind == "gantry":
         parent = "world"
-        for name, axis, upper in (("gx", (1, 0, 0), 4), ("gy", (0, 1, 0), 2), ("gz", (0, 0, -1), 1)):
+        for name, axis, upper in (
+            ("gx", (1, 0, 0), 4),
+            ("gy", (0, 1, 0), 2),
+            ("gz", (0, 0, -1), 1),
+        ):
             text += _joint(name, "prismatic", parent, name, (0, 0, 0), axis, 0, upper, 0.8)
             text += f'<link name="{name}"/>'
             parent = name
@@ -82,9 +88,8 @@ def urdf_arm(kind):
     return ac.load_arm(str(file), ac.ArmOptions(**options), tool=TOOL)
 
 
-def make_arm(kind, seed, held=None):
-    """Return the arm of a job; `held` are positions of held axes by name."""
-    held = held or {}
+def make_arm(kind, seed):
+    """Return the arm of a job."""
     if kind in ("gantry", "cell"):
         return urdf_arm(kind)
     if kind in ("orientation", "axis") and seed % 2:
@@ -92,15 +97,14 @@ def make_arm(kind, seed, held=None):
     arm = ac.load_arm("ur10e").with_tool(TOOL)
     if kind == "rail":
         return arm.with_rail(
-            ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5,
-                    hold=held.get("rail"))
-        )  # fmt: skip
+            ac.Rail(axis=(0, 1, 0), lower=-1.5, upper=1.5, velocity=0.8, acceleration=1.5)
+        )
     if kind == "positioner":
         axes = []
         for name, axis, z, end in (("tilt", (0, 1, 0), 0.3, 1.8), ("turn", (0, 0, 1), 0.4, 7.0)):
             axes.append(
                 ac.PositionerAxis(name=name, axis=axis, origin=(0.9, 0, z), lower=-end, upper=end,
-                                  velocity=1.0, acceleration=1.8, hold=held.get(name))
+                                  velocity=1.0, acceleration=1.8)
             )  # fmt: skip
         tilt = np.radians((10, 20, 40)[seed % 3]) if seed % 4 else None
         return arm.with_positioner(ac.Positioner(axes=tuple(axes), tilt=tilt))
@@ -153,6 +157,8 @@ class Refused:
 
     kind: str
     seed: int
+    path: ac.Path
+    arm: SerialArm  # With the narrow range or the held axis
     joint: int
     name: str
     change: str
@@ -168,6 +174,19 @@ class Refused:
     def is_mentioned(self) -> bool:
         """True if the message names the changed joint somewhere."""
         return f"({self.name})" in str(self.error)
+
+    def is_remedied(self):
+        """Test whether the path is traced with the first remedy of the message."""
+        text = str(self.error)
+        if self.error.limit == "hold":
+            return reason(self.path, make_arm(self.kind, self.seed)) is None
+        told = re.search(rf"[Ll]et joint {self.joint + 1} \(.*?\) move to (.*?), or", text)
+        values = []
+        for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", told[1]):
+            values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
+        lower, upper = (x[self.joint] for x in self.arm.limits.joint_range(self.arm.dof))
+        wider = narrow(self.arm, self.joint, min(lower, *values, upper), max(upper, *values, lower))
+        return reason(self.path, wider) is None
 
 
 def narrow(arm, joint, lower, upper):
@@ -196,9 +215,9 @@ def refused_job(kind, seed):
         joint = arm.joint_names.index(name)
         low, high = (x[joint] for x in arm.limits.joint_range(arm.dof))
         low, high = max(low, -2 * np.pi), min(high, 2 * np.pi)
-        if kind in ("rail", "positioner") and name in external and rng.random() < 0.5:
+        if name in external and rng.random() < 0.5:
             position = float(rng.uniform(low, high))
-            changed = make_arm(kind, seed, {name: position})
+            changed = arm.with_preferences({name: JointPreference(hold=position)})
             change = f"hold {position:.3f}"
         else:
             least, most = q[:, joint].min(), q[:, joint].max()
@@ -218,7 +237,7 @@ def refused_job(kind, seed):
         error = reason(path, changed)
         seconds = time.process_time() - start
         if error is not None:
-            return Refused(kind, seed, joint, name, change, error, seconds)
+            return Refused(kind, seed, path, changed, joint, name, change, error, seconds)
     return None
 
 
@@ -251,6 +270,7 @@ def main(count, first=0):
     total = []
     for kind in KINDS[first:]:
         jobs = []
+        works = []
         seed = 0
         while len(jobs) < count and seed < 20 * count:
             job = refused_job(kind, seed)
@@ -259,10 +279,14 @@ def main(count, first=0):
                 continue
             jobs.append(job)
             mark = "named" if job.is_named else "mentioned" if job.is_mentioned else "MISSED"
+            if job.is_named:
+                works.append(job.is_remedied())
+                mark += "" if works[-1] else ", remedy fails"
             print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:28} {mark:10} "
                   f"{job.seconds:5.2f} s", flush=True)  # fmt: skip
             if not job.is_named:
                 print(f"    {job.error}", flush=True)
+        print(f"== {kind}: {sum(works)} of {len(works)} remedies work")
         named = sum(x.is_named for x in jobs)
         mentioned = sum(x.is_mentioned for x in jobs)
         print(f"== {kind}: {named} of {len(jobs)} named, {mentioned} mentioned; "

@@ -29,7 +29,14 @@ from armcontour.planning.tracing.positioner_tilt import (
     tilt_of,
 )
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
-from armcontour.planning.tracing.smoothing import null_space, smooth
+from armcontour.planning.tracing.smoothing import (
+    interpolate_monotone,
+    move_to_poses,
+    null_space,
+    smooth,
+    smooth_in_levels,
+)
+from armcontour.planning.tracing.stations import Stations, choose_stations
 from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import shift_by_turns
 from armcontour.robot.inverse_kinematics import configurations
@@ -112,11 +119,12 @@ def find_solutions(
     followed = [q[knot_index] for q in followed]
     s = s[knot_index]
     redundant = task < arm.dof
+    stations = choose_stations(path, knots, knot_poses)
     if redundant:
         followed = _rank(arm, s, knot_poses, task, followed, seed)
     solutions: list[Solution] = []
     different = _DistinctSolutions(arm, knot_poses, task)
-    candidates = _with_costs(arm, s, knot_poses, task, followed, seed)
+    candidates = _with_costs(arm, s, knot_poses, task, followed, seed, stations)
     for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, seed)
         if isinstance(in_range, Failure):
@@ -140,13 +148,31 @@ def _with_costs(
     task: int,
     joint_paths: list[FloatArray],
     seed: FloatArray | None,
+    stations: Stations,
 ) -> Iterator[tuple[FloatArray, float]]:
     """Yield joint paths with their costs; the paths of a redundant arm are smoothed on demand."""
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
+    index = stations.index
     for group in (joint_paths[:MAX_SMOOTHED], *([q] for q in joint_paths[MAX_SMOOTHED:])):
-        yield from _smooth(arm, s, poses, task, group, start_stays=seed is not None)
+        smoothed = _smooth(
+            smooth_in_levels,
+            arm,
+            s[index],
+            poses[index],
+            task,
+            [q[index] for q in group],
+            stations=stations,
+            start_stays=seed is not None,
+        )
+        for q, (changed, cost) in zip(group, smoothed, strict=True):
+            change = interpolate_monotone(
+                stations.place, (changed - q[index])[None], stations.measure
+            )
+            moved, fits = move_to_poses(arm, poses, task, q + change)
+            moved[0, index] = changed
+            yield (moved[0], cost) if fits[0] else (q, cost)
 
 
 def _follow(
@@ -247,7 +273,7 @@ def _rank(
     few = spread_indices(len(s), ROUGH_KNOTS)
     shifted = [shift_by_turns(arm, q)[0] for q in followed]
     options = {"start_stays": seed is not None, "rounds": ROUGH_ROUNDS}
-    rough = _smooth(arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
+    rough = _smooth(smooth, arm, s[few], poses[few], task, [q[few] for q in shifted], **options)
     ranked: list[tuple[float, FloatArray]] = []
     for q, (smoothed, cost) in zip(shifted, rough, strict=True):
         # If some knots are left out, the smoothed joint path is too short to be continued.
@@ -262,6 +288,7 @@ def _rank(
 
 
 def _smooth(
+    work_on: Callable[..., tuple[FloatArray, FloatArray]],
     arm: SerialArm,
     s: FloatArray,
     poses: FloatArray,
@@ -274,7 +301,7 @@ def _smooth(
         return []
 
     def work(part: slice) -> tuple[FloatArray, FloatArray]:
-        return smooth(arm, s, poses, task, np.array(joint_paths[part]), **options)
+        return work_on(arm, s, poses, task, np.array(joint_paths[part]), **options)
 
     parts = split_evenly(len(joint_paths), SMOOTHED_PARTS)
     done = _map_in_threads(work, parts, len(joint_paths) * len(s))

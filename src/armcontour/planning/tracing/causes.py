@@ -13,9 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampled_data import spread_indices
 from armcontour.geometry import Path
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity, chord_of, tilt_of
+from armcontour.planning.tracing.smoothing import null_space
 from armcontour.planning.tracing.strained_postures import (
+    LARGEST_CHANGE,
     MARGIN,
     PATH_ROUNDS,
     REACHED,
@@ -59,6 +62,8 @@ STOP_PARTS = 16
 STOP_ROUNDS = 4
 # Distance behind a singularity at which the arm must reach the path, divided by its length.
 BEHIND = 1e-3
+# Intervals into which that between two poses is divided to find the largest excess.
+BETWEEN = 8
 # Halvings of a relaxation, to find the smallest that suffices.
 HALVINGS = 4
 # Number of steps that improve a path after each halving.
@@ -175,6 +180,7 @@ def _released(path: Path, arm: SerialArm, task: int) -> Iterator[Relaxation]:
 class _Study:
     """Postures of an arm along a path that exceed its ranges as little as possible."""
 
+    path: Path
     poses: Poses
     starts: FloatArray  # Postures at the first pose, that with the least strain first, (k, dof)
     q: FloatArray  # Joint paths, the one with the smallest excess first [rad], (paths, n, dof)
@@ -186,7 +192,7 @@ class _Study:
         """Follow the postures of an arm along a path."""
         poses = Poses.along(path, arm, task)
         starts = first_postures(poses)
-        followed = starts[:FOLLOWED]
+        followed = _spread(poses, Ranges.of(arm, len(starts)), starts, FOLLOWED)
         ranges = Ranges.of(arm, len(followed))
         walked = walk(poses, ranges, followed)
         q = walked.q[walked.complete]
@@ -200,7 +206,14 @@ class _Study:
         order = np.argsort(_excess(poses, ranges, q).sum(axis=1), kind="stable")
         ends = zip(walked.q[~walked.complete], walked.reached[~walked.complete], strict=True)
         stopped = tuple(x[:reached] for x, reached in ends)
-        return cls(poses=poses, starts=starts, q=q[order], touched=touched, stopped=stopped)
+        return cls(
+            path=path,
+            poses=poses,
+            starts=starts,
+            q=q[order],
+            touched=touched,
+            stopped=stopped,
+        )
 
     @property
     def is_feasible(self) -> bool:
@@ -258,12 +271,15 @@ class _Study:
         if not len(self.q):
             return []
         excess = _excess(self.poses, Ranges.of(self.poses.arm, 1), self.q[:1])[0]
-        found = [self._describe(self.q[0], int(k)) for k in np.flatnonzero(excess > NO_EXCESS)]
+        outside = np.flatnonzero(excess > NO_EXCESS).tolist()
+        found = [self._describe_finely(self.q[0], k) for k in outside]
         return sorted(found, key=lambda x: -x.size)
 
     def relax(self) -> list[Relaxation]:
         """Return the ranges, and the tilt, that make the path feasible if relaxed alone."""
-        owner, starts = self._relaxed_starts(np.flatnonzero(self.touched > 0.0).tolist())
+        # If no posture reaches the end, any range may be the cause.
+        candidates = self.touched > 0.0 if len(self.q) else np.ones_like(self.touched, np.bool_)
+        owner, starts = self._relaxed_starts(np.flatnonzero(candidates).tolist())
         walked = walk(self.poses, self._relaxed(owner), starts)
         owner = owner[walked.complete]
         q = walked.q[walked.complete]
@@ -280,22 +296,25 @@ class _Study:
         for k in np.unique(owner):
             own = np.flatnonzero(suffices & (owner == k))
             if len(own):
-                sizes = [self._describe(q[row], int(k)).size for row in own]
+                s = self.poses.s
+                sizes = [self._describe(s, q[row], int(k)).size for row in own]
                 best.append(int(own[np.argmin(sizes)]))
         joints = [int(owner[row]) for row in best]
         ends = np.array([self._range(k) for k in joints]).reshape(-1, 2)
         tight = self._tighten(q[best], joints, ends[:, 0], ends[:, 1])
-        return [self._describe(x, k) for x, k in zip(tight, joints, strict=True)]
+        return [self._describe_finely(x, k) for x, k in zip(tight, joints, strict=True)]
 
     def _relaxed_starts(self, candidates: list[int]) -> tuple[IntArray, FloatArray]:
         """Return the relaxed joint and the posture, (k, dof), of each start to follow."""
         owner: list[int] = []
         starts: list[FloatArray] = []
-        some = self.starts[:SETTLED_STARTS]
+        some = self.starts[spread_indices(len(self.starts), SETTLED_STARTS)]
         for k in candidates:
             settled = settle(self.poses, self._relaxed(np.full(len(some), k)), some)
-            starts += list(settled[:RELAXED_STARTS])
-            owner += [k] * len(settled[:RELAXED_STARTS])
+            ranges = self._relaxed(np.full(len(settled), k))
+            chosen = _spread(self.poses, ranges, settled, RELAXED_STARTS)
+            starts += list(chosen)
+            owner += [k] * len(chosen)
         return np.array(owner, dtype=np.intp), np.array(starts).reshape(-1, self.poses.arm.dof)
 
     def _relaxed(self, owner: IntArray) -> Ranges:
@@ -312,9 +331,8 @@ class _Study:
         - `index`: its index in the arm with all joints.
         """
         ends = np.array([position])
-        q = self._tighten(self.q[:1], [joint], ends, ends)[0]
+        s, q = self._between(self._tighten(self.q[:1], [joint], ends, ends)[0])
         row = int(np.argmax(np.abs(q[:, joint] - position)))
-        s = self.poses.s
         away = np.abs(q[:, joint] - position) > NO_EXCESS
         return Relaxation(
             kind="hold",
@@ -371,8 +389,28 @@ class _Study:
         values = self._values(q, joint)
         return float(values.min()), float(values.max())
 
-    def _describe(self, q: FloatArray, joint: int) -> Relaxation:
-        """Describe how a joint path, (n, dof), exceeds a range or the tilt."""
+    def _describe_finely(self, q: FloatArray, joint: int) -> Relaxation:
+        """Describe how a joint path, (n, dof), exceeds a range or the tilt, also between poses."""
+        return self._describe(*self._between(q), joint)
+
+    def _between(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return arc lengths [m] and joint positions [rad] at the poses and between them."""
+        arm = self.poses.arm
+        s = self.poses.s
+        every = np.arange(len(s))
+        index = np.linspace(0.0, len(s) - 1, BETWEEN * (len(s) - 1) + 1)
+        finer = np.interp(index, every, s)
+        guess = np.column_stack([np.interp(index, every, x) for x in q.T])
+        targets = targets_at(self.path, finer)
+        w = null_space(arm, targets, self.poses.task, guess)[:, None]
+        solved = pose_solver.solve_poses(
+            arm.link_table, self.poses.task, positions := guess.copy(), targets, w, guess[:, None]
+        )
+        near = solved & (np.abs(positions - guess).max(axis=1) < LARGEST_CHANGE)
+        return finer, np.where(near[:, None], positions, guess)
+
+    def _describe(self, s: FloatArray, q: FloatArray, joint: int) -> Relaxation:
+        """Describe how joint positions, (n, dof), at arc lengths exceed a range or the tilt."""
         values = self._values(q, joint)
         lower, upper = self._range(joint)
         beyond = np.maximum(values - upper, lower - values)
@@ -381,8 +419,8 @@ class _Study:
         return Relaxation(
             kind="tilt" if is_tilt else "range",
             joint=-1 if is_tilt else joint,
-            s=float(self.poses.s[row]),
-            s_first=float(self.poses.s[np.argmax(beyond > 0.0)]),
+            s=float(s[row]),
+            s_first=float(s[np.argmax(beyond > 0.0)]),
             least=float(values.min()),
             most=float(values.max()),
             lower=lower,
@@ -411,6 +449,24 @@ def _touched(poses: Poses, ranges: Ranges, q: FloatArray) -> FloatArray:
         chord=ranges.chord - TILT_MARGIN,
     )
     return np.asarray(_excess(poses, inner, q).max(axis=0, initial=0.0))
+
+
+def _spread(poses: Poses, ranges: Ranges, starts: FloatArray, count: int) -> FloatArray:
+    """Choose postures at the first pose that exceed nothing, far from each other, then others.
+
+    - `starts`: postures, that with the least strain first [rad], (k, dof).
+    """
+    first = poses.part(slice(1))
+    fits = (_excess(first, ranges, starts[:, None]) <= NO_EXCESS).all(axis=1)
+    inside = starts[fits]
+    chosen: list[FloatArray] = []
+    distance = np.full(len(inside), np.inf)
+    while len(chosen) < min(count, len(inside)):
+        posture = inside[int(np.argmax(distance))]
+        chosen.append(posture)
+        distance = np.minimum(distance, np.abs(inside - posture).max(axis=1))
+    chosen += list(starts[~fits][: count - len(chosen)])
+    return np.array(chosen).reshape(-1, starts.shape[1])
 
 
 def _eased(poses: Poses, ranges: Ranges, q: FloatArray) -> FloatArray:

@@ -140,7 +140,9 @@ def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     from scipy.interpolate import PchipInterpolator
 
-    slopes = PchipInterpolator(s, values)(s, 1)
+    # PCHIP divides by tiny differences of values, and then has the slope 0 there.
+    with np.errstate(over="ignore"):
+        slopes = PchipInterpolator(s, values)(s, 1)
     width = np.diff(s)
     zero = np.zeros_like(slopes[1:])
     start = (values[:-1], slopes[:-1], zero)

@@ -65,7 +65,7 @@ def out_of_range(
     name = "upper" if q > edge else "lower"
     unit = arm.chain.unit("rad", joint)
     return Unreachable(
-        f"At {s:.6g} m along the path {called(arm, joint)} would be at {number(q, unit)}, "
+        f"At {s:.6g} m along the path {called(joint, arm.joint_names[joint])} would be at {number(q, unit)}, "
         f"{number(abs(q - edge), unit)} beyond its {name} limit of {number(edge, unit)}{also}. "
         f"{suggest_remedy(path)}.",
         s=s,
@@ -77,10 +77,12 @@ def out_of_range(
     )
 
 
-def called(arm: Arm, joint: int) -> str:
-    """Return number and name of a joint for messages, such as "joint 1 (turn)"."""
+def called(joint: int, name: str) -> str:
+    """Return number and name of a joint for messages, such as "joint 1 (turn)".
+
+    - `joint`: index of the joint, from 0.
+    """
     number_only = f"joint {joint + 1}"
-    name = arm.joint_names[joint]
     return number_only if name == number_only else f"{number_only} ({name})"
 
 

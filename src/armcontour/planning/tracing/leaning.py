@@ -24,6 +24,7 @@ from armcontour.motion import JointPath
 from armcontour.planning.tracing.branch_solutions import Solution, find_solutions
 from armcontour.planning.tracing.guide import Guide
 from armcontour.planning.tracing.knots import Knots, first_knots, row_of_poses, task_dimension
+from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.smoothing import null_space, smooth
 from armcontour.planning.tracing.stations import choose_stations
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
@@ -186,7 +187,8 @@ class _Solutions:
         self.task = task_dimension(path, self.moving)
         self.knots = first_knots(path, arm.span, FINER)
         poses = row_of_poses(base, self.knots)
-        self.solutions = find_solutions(base, self.moving, self.knots, poses, self.task, seed)
+        with numbered_as(arm):
+            self.solutions = find_solutions(base, self.moving, self.knots, poses, self.task, seed)
 
     def attempts(self, tolerance: float) -> Iterator[Attempt]:
         """Yield functions that trace along the base, and functions that lean inside the cone."""

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.fields import declared
-from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.quantities import LARGEST_CONE, Axes, Quantity
 from armcontour.geometry import Orientation, Path
 from armcontour.robot import SerialArm
 from armcontour.robot.tool_turning import REACHED_ANGLE, ToolTurning
@@ -126,7 +126,8 @@ def turn_as_tool(path: Path, arm: SerialArm) -> Path:
         starts = turning.nearest(orientation.starts, axis_only=axis_only)
         return replace(path, orientation=replace(_whole(orientation), starts=starts))
     names = [x.name for x in fields(Orientation) if x.init]
-    values = {name: getattr(orientation, name) for name in names} | {"axis_only": False}
+    values = {name: getattr(orientation, name) for name in names}
+    values |= {"axis_only": False, "cone": 0.0}
     turned = TurnedOrientation(
         **values, axis=turning.axis, rotation=turning.rotation, of_axis=axis_only
     )
@@ -135,7 +136,7 @@ def turn_as_tool(path: Path, arm: SerialArm) -> Path:
 
 def _whole(orientation: Orientation) -> Orientation:
     """Return an orientation whose rotation about the tool axis is also prescribed."""
-    return replace(orientation, axis_only=False)
+    return replace(orientation, axis_only=False, cone=0.0)
 
 
 def _samples(orientation: Orientation) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +152,8 @@ def _check_reached(
     """Raise Unreachable where the path requires an orientation that the tool cannot have."""
     s, rotations = _samples(orientation)
     missed = turning.missed(rotations, axis_only=orientation.axis_only)
-    if missed.max() <= REACHED_ANGLE:
+    allowed = max(REACHED_ANGLE, orientation.cone)
+    if missed.max() <= allowed:
         return
     k = int(np.argmax(missed))
     axis_missed = turning.missed(rotations[k : k + 1], axis_only=True)[0]
@@ -172,13 +174,16 @@ def _check_reached(
     else:
         joints += f", so its tool axis is always {_direction(nearest)}"
     required = rotations[k, :, 2]
+    cone = ""
+    if orientation.axis_only and axis_missed < LARGEST_CONE:
+        cone = f", allow a cone of {np.ceil(100 * np.degrees(axis_missed)) / 100:g} deg"
     _refuse(
         path,
         float(s[k]),
         float(axis_missed),
         joints,
-        f"specify the tool axis {_direction(nearest)}, turn the part or the tool, or use an arm "
-        "with more joints",
+        f"specify the tool axis {_direction(nearest)}{cone}, turn the part or the tool, or use an "
+        "arm with more joints",
         required,
     )
 

@@ -71,7 +71,10 @@ class PostureCost:
             slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
             pace = np.min(slowest) / slowest
         # A joint with a larger weight moves less.
-        pace = pace * np.asarray(arm.chain.weights)
+        weights = np.asarray(arm.chain.weights)
+        pace = pace * weights
+        # A heavy axis must not outweigh the costs of a tilt or a singular posture.
+        self.heaviest = max(1.0, float(weights.max()))
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole = steps.sum(axis=1, keepdims=True)
         path_share = np.diff(s) / (s[-1] - s[0])
@@ -130,8 +133,9 @@ class PostureCost:
         if self.cone_chord is not None:
             axes = self.arm.poses(positions)[:, :, 2]
         chord = np.linalg.norm(axes - down, axis=1)
-        excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * self.outside
-        scale = np.where(excess > 0.0, self.outside / self.chord / np.maximum(chord, 1e-9), 0.0)
+        outside = self.outside * self.heaviest
+        excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * outside
+        scale = np.where(excess > 0.0, outside / self.chord / np.maximum(chord, 1e-9), 0.0)
         slopes = np.zeros((len(axes), q.shape[2]))
         slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
         if self.cone_chord is not None:
@@ -165,8 +169,7 @@ class PostureCost:
             rotated[:, :k] = 0.0
             change = np.concatenate([shifted, rotated], axis=-1) @ u[..., None]
             by_joint[:, joint] = (v * change[..., 0]).sum(axis=-1)
-        # A heavy axis must not outweigh the cost.
-        cost = self.outside * max(1.0, float(np.asarray(chain.weights).max()))
+        cost = self.outside * self.heaviest
         excess[near] = (1.0 - values[:, 5] / NEARLY_SINGULAR) * cost
         slopes[near] = -by_joint * (cost / NEARLY_SINGULAR)
         return excess, slopes

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -41,6 +42,10 @@ MANY_POSES = 300
 REACH_BISECTIONS = 30
 # Angle from which the orientation of the tool is missed [rad].
 MISSED_ANGLE = 1e-6
+# Room that a recommended range has beyond what the path needs: as a fraction of the excess, and in
+# degrees or centimetres.
+ROOM = 0.05
+ROOM_STEPS = 1.0
 # Largest number of remedies in a message.
 MOST_REMEDIES = 3
 
@@ -207,13 +212,30 @@ def singular(path: Path, arm: SerialArm, place: Singularity, remedy: str) -> Unr
     """Make the error for a singularity on the path, with a remedy without a period."""
     return Unreachable(
         f"At {place.s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches a "
-        f"singularity, at which {called(arm, place.joint)} would need an unlimited velocity "
+        f"singularity, at which {_named(arm, place.joint)} would need an unlimited velocity "
         f"(smallest singular value {place.value:.2g}). {remedy}.",
         s=place.s,
         point=path(place.s).tolist(),
         joint=place.joint,
         limit="singularity",
     )
+
+
+@contextmanager
+def numbered_as(arm: SerialArm) -> Iterator[None]:
+    """Number joints as in the whole arm in errors about the arm without its held joints."""
+    try:
+        yield
+    except Unreachable as error:
+        moving = np.setdiff1d(np.arange(arm.dof), list(arm.chain.held))
+        if error.joint is None or len(moving) == arm.dof:
+            raise
+        joint = int(moving[error.joint])
+        name = arm.joint_names[joint]
+        message = str(error).replace(called(error.joint, name), called(joint, name))
+        numbered = Unreachable(message)
+        vars(numbered).update(vars(error) | {"joint": joint})
+        raise numbered from None
 
 
 def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
@@ -238,7 +260,7 @@ def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unr
     remedy = "Move the path or the arm"
     if len(findings.strained) > 1:
         also = _excesses(arm, findings.strained[1 : MOST_REMEDIES + 1])
-        remedy = f"A larger range alone does not suffice: {also}. {remedy}"
+        remedy = f"Others exceed their limits as well: {also}. {remedy}"
     return _refusal(path, arm, findings.strained, remedy)
 
 
@@ -249,14 +271,14 @@ def _remedies(arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
 
 
 def _excesses(arm: SerialArm, causes: Sequence[Relaxation]) -> str:
-    """Return by how much several ranges, or the tilt, are exceeded as well."""
+    """Return by how much several ranges, or the tilt, are exceeded."""
     parts = []
     for cause in causes:
-        name = "the tilt" if cause.kind == "tilt" else called(arm, cause.joint)
+        name = "the tilt" if cause.kind == "tilt" else _named(arm, cause.joint)
         unit = "rad" if cause.kind == "tilt" else arm.chain.unit("rad", cause.joint)
         excess = number(abs(cause.needed - cause.allowed), unit)
-        parts.append(f"{name} would exceed its limit by {excess}")
-    return ", and ".join(parts)
+        parts.append(f"{name} by {excess}")
+    return ", ".join(parts)
 
 
 def _refusal(
@@ -278,6 +300,11 @@ def _refusal(
     )
 
 
+def _named(arm: SerialArm, joint: int) -> str:
+    """Return number and name of a joint for messages."""
+    return called(joint, arm.joint_names[joint])
+
+
 def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:
     """Describe the first of several relaxations in a sentence without a period."""
     cause = relaxations[0]
@@ -288,11 +315,11 @@ def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> 
             f"but the tilt of the positioner allows at most {number(cause.allowed, 'rad')}"
         )
     unit = arm.chain.unit("rad", cause.joint)
-    name = called(arm, cause.joint)
+    name = _named(arm, cause.joint)
     if cause.kind == "hold":
         words = (
-            f"{place} {name} would have to be at {number(cause.needed, unit)}, but `hold` keeps it "
-            f"at {number(cause.allowed, unit)}"
+            f"{place} {name} would have to be at {number(cause.needed, unit)}, but the preference "
+            f"`hold` keeps it at {number(cause.allowed, unit)}"
         )
         for tilt in relaxations:
             if tilt.kind == "tilt":
@@ -307,6 +334,8 @@ def _describe(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> 
         f"{number(abs(cause.needed - cause.allowed), unit)} beyond its {end} limit of "
         f"{number(cause.allowed, unit)}"
     )
+    if cause.allowed in arm.chain.ranges.get(cause.joint, ()):
+        words += " (preference `range`)"
     if cause.travel > cause.width:
         words += (
             f", because it moves over {number(cause.travel, unit)} and its range is only "
@@ -322,24 +351,27 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
     if cause.kind == "rotation":
         return "leave the rotation about the tool axis free"
     if cause.kind == "tilt":
-        return f"specify a tilt of at least {_above(cause.needed, 'rad')}"
-    name = called(arm, cause.joint)
+        return f"specify a tilt of at least {_above(cause.needed - cause.allowed, cause.allowed, 'rad')}"
+    name = _named(arm, cause.joint)
     if cause.kind == "hold":
-        return f"do not hold {' and '.join(called(arm, k) for k in cause.together)}"
+        return f"do not hold {' and '.join(_named(arm, k) for k in cause.together)}"
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
-    ends = [_above(-least, unit, -1.0)] if least < cause.lower else []
-    ends += [_above(most, unit)] if most > cause.upper else []
+    ends = [_above(least - cause.lower, cause.lower, unit)] if least < cause.lower else []
+    ends += [_above(most - cause.upper, cause.upper, unit)] if most > cause.upper else []
     return f"let {name} move to {' and to '.join(ends)}"
 
 
-def _above(value: float, unit: str, sign: float = 1.0) -> str:
-    """Write a value with its sign, rounded up to 0.1 degrees or 1 mm, so that it suffices."""
-    step = np.radians(0.1) if unit == "rad" else 1e-3
-    rounded = np.ceil(value / step + 1e-9) * step
-    scale, shown = (180 / np.pi, "deg") if unit == "rad" else (1e3, "mm")
-    return f"{sign * rounded * scale:.10g} {shown}"
+def _above(excess: float, end: float, unit: str) -> str:
+    """Write the end of a range [rad] that allows an excess with some room, in whole units."""
+    step, scale, shown = (np.pi / 180, 180 / np.pi, "deg") if unit == "rad" else (0.01, 1e3, "mm")
+    room = ROOM * abs(excess) + ROOM_STEPS * step
+    value = end + np.copysign(abs(excess) + room, excess)
+    rounded = np.copysign(np.ceil(abs(value) / step), value)
+    if value * excess < 0:
+        rounded = np.copysign(np.floor(abs(value) / step), value)
+    return f"{rounded * step * scale:.10g} {shown}"
 
 
 def _find_end_of_reach(

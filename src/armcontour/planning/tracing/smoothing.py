@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
 from armcontour.planning.tracing.posture_cost import PostureCost
+from armcontour.planning.tracing.stations import Stations
 from armcontour.robot import SerialArm, pose_solver
 
 # Approximate largest change of a joint position in one iteration of smoothing [rad].
@@ -15,11 +16,77 @@ LARGEST_CHANGE = 0.3
 SETTLED = 1e-4
 # Largest number of iterations of smoothing.
 MAX_SMOOTHINGS = 25
+# Largest change of a joint position that brings an interpolated position back to the tool pose
+# [rad]; a larger one may end in another configuration.
+LARGEST_CORRECTION = 0.5
 
 
 def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
     """Return orthonormal bases of joint motions at fixed tool poses, (n, dof - task, dof)."""
     return np.asarray(pose_solver.free_motions(arm.link_table, task, q, poses))
+
+
+def move_to_poses(
+    arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Move joint positions to the nearest ones at which the tool has its poses.
+
+    Returns the joint positions [rad], (paths, n, dof), and whether all poses of a path are met
+    without a jump to another configuration, (paths,).
+
+    - `poses`: rotations and positions of the tool, (n, 3, 4).
+    - `q`: joint positions near the poses [rad], (paths, n, dof).
+    """
+    paths, n, dof = q.shape
+    targets = np.tile(poses, (paths, 1, 1))
+    guesses = q.reshape(-1, dof)
+    w = null_space(arm, targets, task, guesses)
+    moved = guesses.copy()
+    solved = pose_solver.solve_poses(
+        arm.link_table, task, moved, targets, w[:, None].copy(), guesses[:, None].copy()
+    )
+    near = np.abs(moved - guesses).max(axis=1) < LARGEST_CORRECTION
+    return moved.reshape(q.shape), (solved & near).reshape(paths, n).all(axis=1)
+
+
+def smooth_in_levels(
+    arm: SerialArm,
+    s: FloatArray,  # Arc lengths of the stations [m], (n,)
+    poses: FloatArray,  # Rotations and positions of the tool at the stations, (n, 3, 4)
+    task: int,
+    # Joint positions at the stations, one path per configuration [rad], (paths, n, dof)
+    q: FloatArray,
+    stations: Stations,
+    *,
+    start_stays: bool = False,  # True if the first joint position is fixed
+) -> tuple[FloatArray, FloatArray]:
+    """Smooth joint paths with few stations first, as `smooth`; returns the same values.
+
+    A level with few stations moves the whole path in few iterations. Its changes are interpolated
+    between its stations. An arm without external axes has little room to move, and only has the
+    last level.
+    """
+    *coarse, every = stations.levels()
+    if not arm.chain.external:
+        coarse = []
+    place = stations.place
+    for level in coarse:
+        smoothed, _ = smooth(
+            arm, s[level], poses[level], task, q[:, level], start_stays=start_stays
+        )
+        changed = q + interpolate_monotone(place[level], smoothed - q[:, level], place)
+        changed, fits = move_to_poses(arm, poses, task, changed)
+        q = np.where(fits[:, None, None], changed, q)
+    return smooth(arm, s[every], poses[every], task, q, start_stays=start_stays)
+
+
+def interpolate_monotone(x: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+    """Interpolate values, (paths, n, dof), at places `x`, (n,), by PCHIP at other places, (k,)."""
+    from scipy.interpolate import PchipInterpolator
+
+    # PCHIP divides by tiny differences of values, and then has the slope 0 there.
+    with np.errstate(over="ignore"):
+        return np.asarray(PchipInterpolator(x, values, axis=1)(at))
 
 
 def smooth(

@@ -71,6 +71,9 @@ class Poses:
         count = int(np.clip(np.ceil(rotation / POSE_TURN), FEWEST_POSES, MOST_POSES))
         done = np.append(0.0, np.cumsum(np.diff(s) / path.length + turned / max(rotation, 1.0)))
         chosen = np.interp(np.linspace(0.0, done[-1], count), done, s)
+        if len(path.breaks) < count:
+            # Joints often turn back at corners.
+            chosen = np.union1d(chosen, path.breaks)
         return cls(arm=arm, task=task, s=chosen, targets=targets_at(path, chosen))
 
     @property

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
 
@@ -41,8 +41,10 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
 from armcontour.robot.preferences import list_held
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -72,6 +74,14 @@ FINER = 3
 STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Joint path of one configuration."""
+
+    joint_path: JointPath
+    cost: float  # Cost by which the joint paths of one tool path are sorted
 
 
 class Solver(ABC, Generic[A]):
@@ -398,6 +408,29 @@ def trace_all(
     starts are followed, and at most `MAX_SOLUTIONS` joint paths are returned (both in
     `branch_solutions`).
     """
+    candidates = trace_candidates(
+        path,
+        arm,
+        limits=limits,
+        configuration=configuration,
+        seed=seed,
+        tolerance=tolerance,
+        max_count=max_count,
+    )
+    return [x.joint_path for x in candidates]
+
+
+def trace_candidates(
+    path: Path,
+    arm: Arm,
+    *,
+    limits: Limits | None = None,
+    configuration: str | None = None,
+    seed: npt.ArrayLike | None = None,
+    tolerance: float = TRACING_TOLERANCE,
+    max_count: int | None = None,
+) -> list[Candidate]:
+    """Trace a path as `trace_all`, and return the joint paths with their costs."""
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}. Pass a program to plan, which "
@@ -413,9 +446,8 @@ def trace_all(
                 f"The arm {arm.name} has named branches. Specify a configuration instead of a seed."
             )
         branches = arm.branches if configuration is None else (configuration,)
-        return _complete(
-            (partial(_trace_planar, path, arm, x, tolerance) for x in branches), max_count
-        )
+        tries = [(partial(_trace_planar, path, arm, x, tolerance), 0.0) for x in branches]
+        return _complete(tries, max_count)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"Inverse kinematics is not available for {type(arm).__name__}. Use a SerialArm or "
@@ -431,7 +463,8 @@ def trace_all(
     if arm.chain.still:
         from armcontour.planning.tracing.still_joints import trace_still
 
-        return trace_still(path, arm, near, tolerance, max_count)
+        still_paths = trace_still(path, arm, near, tolerance, max_count)
+        return [Candidate(joint_path=x, cost=0.0) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -487,6 +520,8 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             raise
         # Raises the error if the arm does not support the path even with all of its joints.
         task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
         raise ArmMismatch(
             f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
             f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
@@ -495,7 +530,7 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
             joint=min(arm.chain.held),
             needed=float(task),
             allowed=float(moving.dof),
-        ) from error
+        ) from None
 
 
 def hold_still(arm: SerialArm, q: FloatArray) -> SerialArm:
@@ -543,7 +578,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
     if start > REPEATED_POINT:
         before = trace(cut_path(path, 0.0, start).reversed(), arm, seed=seed)
         seed = np.clip(before(before.length), lower, upper)
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=seed)
 
     def positions(along: FloatArray) -> FloatArray:
@@ -577,7 +612,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     arm = hold_still(arm, q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
-    if not _is_redundant(path, arm):
+    if not is_redundant(path, arm):
         return trace(path, arm, seed=np.clip(back(back.length), lower, upper))
 
     def positions(along: FloatArray) -> FloatArray:
@@ -626,11 +661,11 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     - `s`: arc length of the pose [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
 
     moving, joints = without_held(hold_still(arm, q))
     task = dimension_of(path, arm, moving)
-    rotation = np.eye(3) if path.orientation is None else path.orientation(s)
-    pose = np.column_stack([rotation, path(s)])[None]
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
     near = q[None, joints]
     w = null_space(moving, pose, task, near)[:, None]
     solution = near.copy()
@@ -641,7 +676,7 @@ def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArr
     return found
 
 
-def _is_redundant(path: Path, arm: SerialArm) -> bool:
+def is_redundant(path: Path, arm: SerialArm) -> bool:
     """Test whether the joints of an arm that are not held can move while the tool point rests."""
     from armcontour.planning.tracing.leaning import may_lean
 
@@ -675,7 +710,7 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if task_dimension(path, moving) == AXIS_TASK:
+    if dimension_of(path, arm, moving) == AXIS_TASK:
         from armcontour.planning.tracing.leaning import leans, trace_leaning
 
         if leans(moving, poses, q):
@@ -697,7 +732,7 @@ def _trace_planar(
 
 def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
     from armcontour.planning.tracing.leaning import attempts, may_lean
     from armcontour.planning.tracing.refusals import name_cause
@@ -705,13 +740,16 @@ def _trace_serial(
     moving, joints = without_held(arm)
     task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
+    leaning = task == AXIS_TASK and may_lean(path, moving)
     try:
-        if task == AXIS_TASK and may_lean(path, moving):
-            return _complete(attempts(path, arm, near, tolerance), max_count)
+        if leaning:
+            tries = ((x, 0.0) for x in attempts(path, arm, near, tolerance))
+            return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
-        # From a seed, only one configuration is tried; callers try the others.
-        if seed is not None:
+        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
+        # head, the singularity of the required axis is no cause.
+        if seed is not None or (leaning and cone_of(path) == 0.0):
             raise
         raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
 
@@ -723,12 +761,13 @@ def _trace_exactly(
     seed: FloatArray | None,
     tolerance: float,
     max_count: int | None,
-) -> list[JointPath]:
+) -> list[Candidate]:
     """Trace a path in the configurations in which the tool has the required orientation.
 
     - `seed`: as in `trace`, for the joints that are not held, (joints,).
     """
     from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import numbered_as
 
     moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
@@ -736,10 +775,15 @@ def _trace_exactly(
     poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        if cone_of(path) > 0.0:
+            # The tool turns about one direction only, and differs from the required axis.
+            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+        return joint_path
 
-    solutions = find_solutions(turned, moving, knots, poses, task, seed)
-    return _complete((partial(refine_solution, x) for x in solutions), max_count)
+    with numbered_as(arm):
+        solutions = find_solutions(turned, moving, knots, poses, task, seed)
+    return _complete([(partial(refine_solution, x), x.cost) for x in solutions], max_count)
 
 
 def _refine_solution(
@@ -758,14 +802,16 @@ def _refine_solution(
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
     from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.stations import choose_stations
 
     moving, _ = without_held(arm)
     task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
-        w = null_space(moving, poses, task, q)
+        index = choose_stations(path, knots, poses).index
+        w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
-        guide = Guide.through(s, q, w, path.stops)
+        guide = Guide.through(s[index], q[index], w, path.stops)
     return refine_guided(path, arm, knots, q, task, guide, tolerance)
 
 
@@ -804,22 +850,27 @@ def _with_held(joint_path: JointPath, chain: Chain, joints: IntArray) -> JointPa
     return replace(joint_path, coefficients=coefficients)
 
 
-def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Trace a path in all configurations that complete it; raise the first error if none does."""
-    joint_paths: list[JointPath] = []
+def _complete(
+    tries: Iterable[tuple[Callable[[], JointPath], float]], max_count: int | None
+) -> list[Candidate]:
+    """Trace a path in all configurations that complete it; raise the first error if none does.
+
+    - `tries`: for each configuration, a function that traces the path, and the cost.
+    """
+    candidates: list[Candidate] = []
     refusals: list[Unreachable] = []
-    for attempt in tries:
-        if max_count is not None and len(joint_paths) == max_count:
+    for attempt, cost in tries:
+        if max_count is not None and len(candidates) == max_count:
             break
         # A configuration that is singular or leaves a joint range between knots does not exclude
         # the others.
         try:
-            joint_paths.append(attempt())
+            candidates.append(Candidate(joint_path=attempt(), cost=cost))
         except Unreachable as error:
             refusals.append(error)
-    if not joint_paths:
+    if not candidates:
         raise refusals[0]
-    return joint_paths
+    return candidates
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
