@@ -196,7 +196,7 @@ def applied_torques(executed: Execution) -> Torques | None:
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
     """Compute a plan's torques [N m], (n, dof), at times t [s], (n,); at jumps, on one `side`."""
-    return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
+    return arm.torque(*plan.motion(t, side=side))
 
 
 def angular_speed(execution: Execution) -> FloatArray | None:

@@ -621,7 +621,7 @@ class Arm(Immutable, ABC):
         from armcontour.robot.kernels import frames_of
 
         leading, (rows,) = state_rows(self.dof, q)
-        frames = frames_of(self.link_table, rows)[:, [*self.chain.joint_row, -1]]
+        frames = self.chain.without_followers(frames_of(self.link_table, rows))
         return np.asarray(frames.reshape(*leading, self.dof + 1, 3, 4))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:

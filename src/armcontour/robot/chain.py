@@ -87,12 +87,19 @@ class Row(NamedTuple):
     """A row of the kinematics of a chain: a joint or a follower."""
 
     name: str
-    place: Frame  # Frame at 0 in the frame of the previous row
+    # Position [m], (3,), and rotation, (3, 3), at 0 in the frame of the previous row
+    position: FloatArray
+    rotation: FloatArray
     axis: FloatArray  # Unit vector in this frame, (3,)
     slides: bool
     leader: int  # Index of the joint whose position moves it
     factor: float  # Its position divided by that of this joint
     follows: bool  # True for a follower
+
+    @property
+    def place(self) -> Frame:
+        """Frame at 0 in the frame of the previous row; its rotation is orthonormalized."""
+        return Frame(position=self.position, rotation=self.rotation)
 
 
 @declared(eq=False)
@@ -241,14 +248,14 @@ class Chain(Checked):
         """The joints and their followers, from the base to the tip."""
         rows: list[Row] = []
         for k in range(len(self)):
-            place = Frame(position=self.positions[k], rotation=self.rotations[k])
-            rows.append(
-                Row(self.joints[k], place, self.axes[k], bool(self.slides[k]), k, 1.0, False)
-            )
+            place = (self.positions[k], self.rotations[k])
+            slides = bool(self.slides[k])
+            rows.append(Row(self.joints[k], *place, self.axes[k], slides, k, 1.0, False))
             for x in self.followers:
                 if x.after == k:
                     name = f"follower of {self.joints[x.leader]}"
-                    rows.append(Row(name, x.place, x.axis, False, x.leader, x.factor, True))
+                    place = (x.place.position, x.place.rotation)
+                    rows.append(Row(name, *place, x.axis, False, x.leader, x.factor, True))
         return rows
 
     @property
@@ -256,6 +263,14 @@ class Chain(Checked):
         """Index of each joint among the `rows`, (n,)."""
         after = np.array([x.after for x in self.followers], dtype=np.intp)
         return np.array([k + np.sum(after < k) for k in range(len(self))], dtype=np.intp)
+
+    def without_followers(self, frames: FloatArray) -> FloatArray:
+        """Return the frames of joints and tool, (n, joints + 1, 3, 4), from those of all rows.
+
+        Args:
+            frames: Frames of the `rows` and of the tool, (n, rows + 1, 3, 4).
+        """
+        return frames[:, [*self.joint_row, -1]] if self.followers else frames
 
     @property
     def external(self) -> tuple[int, ...]:
@@ -491,7 +506,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     from armcontour.robot.kernels import frames_of
 
     frames = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
-    joints = frames[:, [*chain.joint_row, -1]]
+    joints = chain.without_followers(frames)
     poses = np.empty_like(joints)
     poses[:, 0] = chain.base.matrix
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
@@ -529,8 +544,8 @@ def link_table(chain: Chain) -> FloatArray:
     table[:, 13] = *(x.leader for x in rows), -1
     table[:, 14] = *(x.factor for x in rows), 0.0
     turns = [*_frames_along(np.array([x.axis for x in rows])), np.eye(3)]
-    rotations = [*(x.place.rotation for x in rows), end.rotation]
-    positions = [*(x.place.position for x in rows), end.position]
+    rotations = [*(x.rotation for x in rows), end.rotation]
+    positions = [*(x.position for x in rows), end.position]
     before = chain.base.rotation
     offset = chain.base.position
     for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):

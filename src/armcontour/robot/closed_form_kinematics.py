@@ -149,30 +149,58 @@ class ClosedForm:
             base: Base frame in the work frame, (3, 4).
             pose: Tool pose in the work frame, (3, 4).
         """
-        reach = Reach(*(value[0] for value in self._reach(base[None], pose[None])))
-        if reach.lacking > NEAR_SINGULARITY:
+        reach = self._reach(base[None], pose[None])
+        if reach.lacking[0] > NEAR_SINGULARITY:
             return np.empty((0, 6))
-        first, normal, third, fourth, fifth, sixth = self.axes
-        upper, fore = self._links
         square = _dot(reach.vector, reach.vector)
         doubtful = reach.feasible & (
             reach.flat | (np.abs(reach.gap) <= NEAR_SINGULARITY) | (square <= NEAR_SINGULARITY)
         )
-        if reach.lacking > -NEAR_SINGULARITY or doubtful.any():
+        if reach.lacking[0] > -NEAR_SINGULARITY or doubtful.any():
             return None
+        q, exists, near_wrist = self._bridge(reach)
+        return None if near_wrist[0] else q[exists]
+
+    def solve_many(self, bases: FloatArray, poses: FloatArray) -> FloatArray:
+        """Return joint positions for n tool poses [rad], (n, 8, 6); NaN where none exist.
+
+        Each of the 8 columns is one branch. Near singularities some solutions may be missing.
+
+        Args:
+            bases: Base frames in the work frame, (n, 3, 4).
+            poses: Tool poses in the work frame, (n, 3, 4).
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            reach = self._reach(bases, poses)
+            q, exists, _ = self._bridge(reach)
+        exists &= (reach.lacking <= 0).reshape(-1, *(1,) * (exists.ndim - 1))
+        q[~exists] = np.nan
+        return q.reshape(len(poses), -1, 6)
+
+    def _bridge(self, reach: Reach) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Solve for the joints of n poses by the geometry that the links must bridge.
+
+        Returns joint positions [rad], (n, 2, ..., 6); whether they exist, (n, 2, ...); and whether
+        a pose is near a singularity of the wrist, (n,).
+        """
+        first, normal, third, fourth, fifth, sixth = self.axes
+        upper, fore = self._links
+        square = _dot(reach.vector, reach.vector)
+        near_wrist = np.zeros(len(square), dtype=np.bool_)
         # The last array axis is for the two elbow angles; a wrist adds an axis for its two angles.
         cosine = (square - upper @ upper - fore @ fore) / 2
         lacking, elbow = normal.solve_angles(fore, upper, cosine)
         exists = (reach.feasible & (lacking <= 0))[..., None]
-        q1 = reach.first[:, None, None]
+        q1 = reach.first[:, :, None, None]
         q2 = normal.angle(upper + normal.turn(elbow, fore), reach.vector[..., None, :])
+        turned = reach.turned[:, None, None]
         if self.wrist:
             together = q2 + elbow
-            axis = normal.turn(-together, reach.target_axis[:, None, None])
-            rotated = first.turn(q1, normal.turn(together, fourth.along)) @ reach.turned
+            axis = normal.turn(-together, reach.target_axis[:, :, None, None])
+            rotated = first.turn(q1, normal.turn(together, fourth.along)) @ turned
             lacking, q5 = fifth.solve_angles(sixth.along, fourth.along, axis @ fourth.along)
-            if (exists & (np.abs(lacking) <= NEAR_SINGULARITY)).any():
-                return None
+            near = exists & (np.abs(lacking) <= NEAR_SINGULARITY)
+            near_wrist = near.any(axis=(1, 2, 3))
             exists = (exists & (lacking <= 0))[..., None]
             q1 = q1[..., None]
             q2 = q2[..., None]
@@ -182,11 +210,12 @@ class ClosedForm:
         else:
             q5 = reach.fifth[..., None]
             q4 = (normal.along @ fourth.along) * (reach.bend[..., None] - q2 - elbow)
-            rotated = first.turn(q1, normal.along) @ reach.turned
+            rotated = first.turn(q1, normal.along) @ turned
             q6 = sixth.angle(rotated, fifth.turn(-q5, normal.along))
         q3 = (normal.along @ third.along) * elbow
         *q, exists = np.broadcast_arrays(q1, q2, q3, q4, q5, q6, exists)
-        return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
+        stacked = np.pi - np.mod(np.pi - np.stack(q, axis=-1), 2 * np.pi)
+        return stacked, exists.copy(), near_wrist
 
     @property
     def _links(self) -> tuple[FloatArray, FloatArray]:

@@ -254,7 +254,8 @@ class SerialArm(Arm):
     def without_held(self, released: Collection[int] = ()) -> SerialArm:
         """Return the arm for kinematics in which the held joints are rigid.
 
-        - `released`: indices of held joints that move in this arm.
+        Args:
+            released: Indices of held joints that move in this arm.
         """
         held = {k: x for k, x in self.chain.held.items() if k not in released}
         moving = np.setdiff1d(np.arange(self.dof), list(held))

@@ -209,13 +209,15 @@ def refused_job(kind, seed):
         name = names[rng.integers(len(names))]
         joint = arm.joint_names.index(name)
         low, high = (x[joint] for x in arm.limits.joint_range(arm.dof))
-        low, high = max(low, -2 * np.pi), min(high, 2 * np.pi)
+        low = max(low, -2 * np.pi)
+        high = min(high, 2 * np.pi)
         if name in external and rng.random() < 0.5:
             position = float(rng.uniform(low, high))
             changed = arm.with_preferences({name: JointPreference(hold=position)})
             change = f"hold {position:.3f}"
         else:
-            least, most = q[:, joint].min(), q[:, joint].max()
+            least = q[:, joint].min()
+            most = q[:, joint].max()
             if rng.random() < 0.5:
                 share = rng.uniform(-0.3, 0.8)
                 cut = least + share * (most - least) - 0.05

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.files.tables import refusals
 from tests.oracle.head_machine import angles
+from tests.planning.test_four_axes import gantry, gantry_poses, urdf_arm
 from tests.planning.tracing import cone_jobs
 from tests.robot.test_positioner import angles_to_gravity, cell, saddle
 
@@ -204,8 +205,22 @@ def test_a_resumed_job_keeps_the_leaning_tool():
     whole = run_of(JOB).trajectory
     text = JOB.replace("runs:", "process: {resume_at: 0.3}\nruns:")
     rest = run_of(text).trajectory
-    (law,), (rest_law,) = whole.laws, rest.laws
+    (law,) = whole.laws
+    (rest_law,) = rest.laws
     s = np.linspace(0, rest_law.joint_path.length, 200)
     along = s + law.joint_path.length - rest_law.joint_path.length
     np.testing.assert_allclose(rest_law.joint_path(s), law.joint_path(along), atol=2e-3)
     np.testing.assert_allclose(rest_law.joint_path(0.0), law.joint_path(along[0]), atol=1e-7)
+
+
+def test_a_machine_with_one_tool_axis_follows_paths_whose_cone_contains_it(tmp_path):
+    vertical = urdf_arm(tmp_path, gantry("0 0 1"))
+    line = ac.Path.polyline([(-1, -1, 0.6), (1, 1, 0.6)])
+    path = line.pointing((np.sin(np.radians(8)), 0, -np.cos(np.radians(8))))
+    with pytest.raises(ac.Unreachable):
+        ac.trace(path.with_cone(np.radians(7)), vertical)
+    joint_path = ac.trace(path.with_cone(np.radians(9)), vertical)
+    s = np.linspace(0, path.length, 200)
+    poses = gantry_poses(joint_path(s), (0, 0, 1))
+    np.testing.assert_allclose(poses[:, :3, 3], path(s), atol=1e-9)
+    np.testing.assert_allclose(poses[:, :3, 2], np.tile([0, 0, -1.0], (200, 1)), atol=1e-12)

@@ -152,3 +152,37 @@ def test_job_states_the_tolerance_and_the_angle_used(tmp_path):
     assert any("0.1 deg" in x and "first" in x for x in run.remarks)
     q = run.trajectory(np.linspace(0, run.trajectory.duration, 300))
     assert np.ptp(q[:, 3]) < 1e-9
+
+
+BEVELED = JOB.replace(
+    "{axis: [0, 0, -1]}",
+    "[{axis: [0.4, 0, -1]}, {axis: [0, 0, -1]}, {axis: [0, 0, -1]}, {axis: [0, 0.4, -1]}, "
+    "{axis: [0, 0.4, -1]}]",
+).replace("{tolerance: 1 mm}", "{tolerance: 1 mm, angular_tolerance: 2 deg}")
+
+
+@pytest.mark.parametrize("text", [JOB, BEVELED])
+def test_resumed_job_keeps_the_joint_positions(text, tmp_path):
+    (tmp_path / "machine.urdf").write_text(machine.description("C/A"))
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    resumed = text.replace("runs:", "process: {resume_at: 0.3}\nruns:")
+    whole, rest = (
+        ac.run(parse_job(x, folder=tmp_path)).runs["cut"].trajectory.laws[0].joint_path
+        for x in (text, resumed)
+    )
+    s = np.linspace(0, rest.length, 300)
+    along = s + whole.length - rest.length
+    np.testing.assert_allclose(rest(s), whole(along), atol=1e-4)
+    np.testing.assert_allclose(rest(0.0), whole(along[0]), atol=1e-9)
+    distance, angle = judge("C/A", rest.tool_path, rest)
+    assert distance < 1e-9
+    assert angle <= ALLOWED * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("text", [JOB, BEVELED])
+def test_approach_and_retract_continue_the_contour_without_a_joint_motion(text, tmp_path):
+    (tmp_path / "machine.urdf").write_text(machine.description("C/A"))
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    text = text.replace("runs:", "process: {approach: 20 mm, retract: 20 mm}\nruns:")
+    plan = ac.run(parse_job(text, folder=tmp_path)).runs["cut"].trajectory
+    assert [x.kind for x in plan.spans] == ["rapid", "contour", "rapid"]

@@ -7,7 +7,7 @@ later, by duration: see `trace_by_duration` in planning/program_tracing.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -21,13 +21,8 @@ from armcontour.planning.tracing.knots import (
     Knots,
     row_of_poses,
 )
-from armcontour.planning.tracing.positioner_tilt import (
-    check_fixed_tilt,
-    follow_level,
-    level_positions,
-    poses_from_floor,
-    tilt_of,
-)
+from armcontour.planning.tracing.positioner_tilt import check_fixed_tilt
+from armcontour.planning.tracing.postures import ARM_JOINTS, find_postures, has_graph
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
 from armcontour.planning.tracing.smoothing import (
     interpolate_monotone,
@@ -105,40 +100,92 @@ def find_solutions(
     """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
-    max_correction = EXACTLY if seed is None else NEARLY
     # No posture of the arm changes this angle, so it is the reason before any other.
     s = np.append(fine.s0, path.length)
     check_fixed_tilt(arm, s, poses)
-    if tilt_of(arm.chain) is None or not arm.chain.floor_link:
-        starts = configurations(arm, poses[0], task, seed)
+    starts = None if seed is None else configurations(arm, poses[0], task, seed)
+    collected = _Solutions(
+        arm=arm,
+        s=s[knot_index],
+        poses=knot_poses,
+        task=task,
+        seed=seed,
+        stations=choose_stations(path, knots, knot_poses),
+        knot_index=knot_index,
+    )
+    redundant = task < arm.dof
+    # The whole path decides on the postures of a cell. An arm without external axes has little
+    # room to move, so following is enough in most cases.
+    if redundant and has_graph(arm) and arm.dof > ARM_JOINTS:
+        collected.search(starts)
+    if not collected.solutions:
+        if starts is None:
+            starts = configurations(arm, poses[0], task)
         if len(starts) == 0:
             refuse_first_pose(path, arm, poses, task, seed)
-        followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
-    else:
-        followed, failures = _follow_level(path, arm, poses, task, seed, max_correction)
-    followed = [q[knot_index] for q in followed]
-    s = s[knot_index]
-    redundant = task < arm.dof
-    stations = choose_stations(path, knots, knot_poses)
-    if redundant:
-        followed = _rank(arm, s, knot_poses, task, followed, seed)
-    solutions: list[Solution] = []
-    different = _DistinctSolutions(arm, knot_poses, task)
-    candidates = _with_costs(arm, s, knot_poses, task, followed, seed, stations)
-    for count, (q, cost) in enumerate(candidates, start=1):
-        in_range = _turn_into_range(arm, q, seed)
-        if isinstance(in_range, Failure):
-            failures.append(replace(in_range, reached=int(knot_index[in_range.reached])))
-        elif different.add(in_range):
-            solutions.append(Solution(q=in_range, cost=cost))
-        if redundant and solutions and count >= MAX_SMOOTHED:
-            break
+        collected.follow(poses, starts[:MAX_STARTS])
+    if redundant and not collected.solutions and has_graph(arm) and arm.dof == ARM_JOINTS:
+        collected.search(None if seed is None else starts)
+    solutions = collected.solutions
     if not solutions:
-        refuse_path(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
+        farthest = max(collected.failures, key=lambda x: x.reached)
+        refuse_path(path, arm, fine, poses, task, farthest)
     # Solutions with the elbow up and down often have equal cost. The solution whose joints start
     # closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return solutions[:MAX_SOLUTIONS] if redundant else solutions
+
+
+@dataclass(slots=True, kw_only=True)
+class _Solutions:
+    """Collects the solutions of a path, and the places at which others end."""
+
+    arm: SerialArm
+    s: FloatArray  # Arc lengths of the knots [m], (n,)
+    poses: FloatArray  # Tool poses at the knots, (n, 3, 4)
+    task: int
+    seed: FloatArray | None
+    stations: Stations
+    knot_index: IntArray  # Index of each knot among the followed poses, (n,)
+    solutions: list[Solution] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)  # With indices of followed poses
+
+    def search(self, starts: FloatArray | None) -> None:
+        """Add solutions that are chosen over the whole path, from starts, (k, dof), if given."""
+        postures = find_postures(self.arm, self.s, self.poses, self.task, self.stations, starts)
+        for x in postures.failures:
+            self._fail(x)
+        self._add([shift_by_turns(self.arm, q, self.seed)[0] for q in postures.paths])
+
+    def follow(self, poses: FloatArray, starts: FloatArray) -> None:
+        """Add solutions that follow poses, (m, 3, 4), from starts, (k, dof)."""
+        correction = EXACTLY if self.seed is None else NEARLY
+        followed, incomplete = _follow(self.arm, poses, self.task, starts, correction)
+        self.failures += incomplete
+        at_knots = [q[self.knot_index] for q in followed]
+        if self.task < self.arm.dof:
+            at_knots = _rank(self.arm, self.s, self.poses, self.task, at_knots, self.seed)
+        self._add(at_knots)
+
+    def _add(self, joint_paths: list[FloatArray]) -> None:
+        """Add joint paths, (n, dof) each, that stay in the joint ranges, after smoothing."""
+        arm = self.arm
+        different = _DistinctSolutions(arm, self.poses, self.task)
+        candidates = _with_costs(
+            arm, self.s, self.poses, self.task, joint_paths, self.seed, self.stations
+        )
+        for count, (q, cost) in enumerate(candidates, start=1):
+            in_range = _turn_into_range(arm, q, self.seed)
+            if isinstance(in_range, Failure):
+                self._fail(in_range)
+            elif different.add(in_range):
+                self.solutions.append(Solution(q=in_range, cost=cost))
+            if self.task < arm.dof and self.solutions and count >= MAX_SMOOTHED:
+                break
+
+    def _fail(self, failure: Failure) -> None:
+        """Add a failure at a knot."""
+        self.failures.append(replace(failure, reached=int(self.knot_index[failure.reached])))
 
 
 def _with_costs(
@@ -186,44 +233,6 @@ def _follow(
         count = int(reached[branch])
         failures.append(Failure(reached=count, q=q[branch, count - 1]))
     return [q[k] for k in np.flatnonzero(is_complete)], failures
-
-
-def _follow_level(
-    path: Path,
-    arm: SerialArm,
-    poses: FloatArray,
-    task: int,
-    seed: FloatArray | None,
-    max_correction: float,
-) -> tuple[list[FloatArray], list[Failure]]:
-    """Follow all poses while the positioner turns the tool downwards; result as of `_follow`.
-
-    The positions of the positioner are found first; the arm then follows the poses seen from the
-    floor.
-    """
-    axes = poses[:, :, 2]
-    count = arm.chain.floor_link
-    robot = arm.from_floor
-    starts = None if seed is None else configurations(arm, poses[0], task, seed)
-    positions = level_positions(arm, axes[0]) if starts is None else starts[:, :count]
-    profile = follow_level(arm, axes, positions)
-    followed: list[FloatArray] = []
-    failures: list[Failure] = []
-    for k in range(len(positions)):
-        floor_poses = poses_from_floor(arm, poses, profile[:, k])
-        if starts is None:
-            arm_starts = configurations(robot, floor_poses[0], task)
-        else:
-            arm_starts = starts[k : k + 1, count:]
-        max_starts = MAX_STARTS // len(positions)
-        q, incomplete = _follow(robot, floor_poses, task, arm_starts[:max_starts], max_correction)
-        followed += [np.hstack([profile[:, k], x]) for x in q]
-        for x in incomplete:
-            joints = np.concatenate([profile[x.reached - 1, k], x.q])
-            failures.append(replace(x, q=joints))
-    if not followed and not failures:
-        refuse_first_pose(path, arm, poses, task, seed)
-    return followed, failures
 
 
 def follow_branches(

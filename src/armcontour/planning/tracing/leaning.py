@@ -273,26 +273,38 @@ def lean_from(
     return _within(cone_of(path), arm, attempt)
 
 
-def leans(arm: SerialArm, poses: FloatArray, q: FloatArray) -> bool:
-    """Test whether the tool leans at joint positions q at knots [rad], (n, dof).
+def leans(path: Path, arm: SerialArm, poses: FloatArray, q: FloatArray) -> bool:
+    """Test whether the tool leans at joint positions q at knots [rad], (n, dof), or may by a head.
 
     - `poses`: required tool poses there, (n, 3, 4).
     """
+    if cone_of(path) == 0.0:
+        # Near the pole of a head, the required axis may be singular even if the tool has it.
+        return may_lean(path, arm)
     return bool(angle_between(arm.poses(q)[:, :, 2], poses[:, :, 2]).max() > NO_LEAN)
 
 
 def trace_leaning(
-    path: Path, arm: SerialArm, knots: Knots, q: FloatArray, refine: Refine
+    path: Path, arm: SerialArm, knots: Knots, q: FloatArray, met: float, refine: Refine
 ) -> JointPath:
     """Trace a path near joint positions at which the tool leans.
 
     - `q`: joint positions at the knots of the joints that are not held [rad], (n + 1, joints).
+    - `met`: arc length of a knot at which the joint path has exactly these positions [m].
     """
     moving, _ = without_held(arm)
+    head = head_of(moving)
+    allowed = cone_of(path) if head is None else max(HEAD_TOLERANCE, cone_of(path))
     poses = row_of_poses(path, knots)
-    guide = _guide(path, moving, knots, poses, POSITION_TASK, q)
+    s = np.append(knots.s0, path.length)
+    index = stations_of(s, poses[:, :, 2], np.union1d(path.stops, met))
+    if head is None:
+        at_stations = np.ascontiguousarray(poses[index])
+        rows = null_space(moving, at_stations, POSITION_TASK, q[index])
+    else:
+        rows = head.rows(len(index))
+    guide = Guide.through(s[index], q[index], rows, path.stops)
     traced = refine(path, knots, q, POSITION_TASK, guide)
-    allowed = cone_of(path) if head_of(moving) is None else max(HEAD_TOLERANCE, cone_of(path))
     check_cone(traced, arm, allowed)
     return traced
 

@@ -19,6 +19,10 @@ INNER_CONE = 0.95
 LEANING_WEIGHT = 0.7
 # Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
+# Joint positions of a cell beyond this fraction have an additional cost, by this factor, because
+# neither weights nor the rest of the path may push a joint out of its range.
+OUTER_RANGE = 0.95
+OUTER_FACTOR = 20.0
 # Fractions of a step that are tried with costs that are not quadratic.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
@@ -27,6 +31,30 @@ NEARLY_SINGULAR = 0.04
 # Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
 # is singular if no cost depends on a null-space motion.
 SMOOTHING_DAMPING = 1e-6
+
+
+def middle_and_half(arm: SerialArm) -> tuple[FloatArray, FloatArray]:
+    """Return the middle of each joint range and half its length [rad], (dof,) each.
+
+    Without two ends, they are 0 and infinite.
+    """
+    lower, upper = arm.limits.joint_range(arm.dof)
+    both = np.isfinite(lower) & np.isfinite(upper)
+    low = np.where(both, lower, 0.0)
+    high = np.where(both, upper, 0.0)
+    return (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
+
+
+def paces(arm: SerialArm) -> FloatArray:
+    """Return the weights of joint moves: larger for slow and for heavy joints, (dof,)."""
+    pace = np.ones(arm.dof)
+    if arm.limits.joint_velocity is not None:
+        slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+        # A joint without a limit counts as the fastest one.
+        slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
+        pace = np.min(slowest) / slowest
+    # A joint with a larger weight moves less.
+    return np.asarray(pace * np.asarray(arm.chain.weights))
 
 
 class PostureCost:
@@ -42,12 +70,7 @@ class PostureCost:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
         # n, dof); `axes`: required tool axes, (n, 3); `cone`: largest angle from them [rad]; 0 if
         # the tool axis does not change.
-        lower, upper = arm.limits.joint_range(arm.dof)
-        both = np.isfinite(lower) & np.isfinite(upper)
-        low = np.where(both, lower, 0.0)
-        high = np.where(both, upper, 0.0)
-        self.middle = (high + low) / 2
-        self.half = np.where(both, (high - low) / 2, np.inf)
+        self.middle, self.half = middle_and_half(arm)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
         self.leaning = LEANING_WEIGHT / np.sqrt(len(s))
         self.arm = arm
@@ -64,17 +87,11 @@ class PostureCost:
         # cost the linearized cost does not include.
         is_quadratic = tilt is None and not len(self.arm_joints) and cone == 0.0
         self.shares = (1.0,) if is_quadratic else SHARES
-        pace = np.ones(arm.dof)
-        if arm.limits.joint_velocity is not None:
-            slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
-            # A joint without a limit counts as the fastest one.
-            slowest = np.minimum(slowest, slowest[np.isfinite(slowest)].max())
-            pace = np.min(slowest) / slowest
-        # A joint with a larger weight moves less.
+        pace = paces(arm)
         weights = np.asarray(arm.chain.weights)
-        pace = pace * weights
         # A heavy axis must not outweigh the costs of a tilt or a singular posture.
         self.heaviest = max(1.0, float(weights.max()))
+        self.outer = OUTER_FACTOR * self.heaviest if len(arm.chain.external) else 0.0
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole = steps.sum(axis=1, keepdims=True)
         path_share = np.diff(s) / (s[-1] - s[0])
@@ -91,13 +108,22 @@ class PostureCost:
     def values(self, q: FloatArray) -> FloatArray:
         """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
-        excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
+        excess, _ = self._range_excess(q)
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
         # rotation of the tool have equal cost, and rounding errors decide between them.
         total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
         for excess, _ in self._excesses(q):
             total += (excess**2).sum(axis=1)
         return np.asarray(total)
+
+    def _range_excess(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return excesses over the inner ranges and their derivatives, (paths, n, dof) each."""
+        share = (q - self.middle) / self.half
+        inner = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
+        outer = np.maximum(np.abs(share) - OUTER_RANGE, 0.0)
+        slope = np.where(inner > 0.0, 1.0, 0.0) + np.where(outer > 0.0, self.outer, 0.0)
+        excess = self.outside * (inner + self.outer * outer)
+        return excess, np.copysign(self.outside * slope / self.half, share)
 
     def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
@@ -184,10 +210,8 @@ class PostureCost:
         - `w`: null-space bases, (paths, n, free, dof).
         """
         count, n, free, _ = w.shape
-        share = (q - self.middle) / self.half
-        beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
-        slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
-        gradient = slope * self.outside * np.copysign(beyond, share)
+        excess, slope = self._range_excess(q)
+        gradient = slope * excess
         weight = slope**2
         ahead = self.weights**2
         pull = ahead * (q[:, 1:] - q[:, :-1])

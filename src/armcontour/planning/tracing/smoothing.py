@@ -26,6 +26,21 @@ def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> F
     return np.asarray(pose_solver.free_motions(arm.link_table, task, q, poses))
 
 
+def guide_rows(arm: SerialArm, w: FloatArray) -> FloatArray:
+    """Return rows that keep a null-space position while a heavy joint moves less, as `w`.
+
+    The rows are an orthonormal basis of those of `w M`, with the squared joint weights on the
+    diagonal of M: a correction dq with `w M dq = 0` has the smallest weighted norm.
+
+    - `w`: null-space bases, (n, free, dof).
+    """
+    weights = np.asarray(arm.chain.weights)
+    if (weights == weights[0]).all():
+        return w
+    columns = np.swapaxes(w * weights**2, 1, 2)
+    return np.ascontiguousarray(np.swapaxes(np.linalg.qr(columns)[0], 1, 2))
+
+
 def move_to_poses(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
@@ -41,12 +56,21 @@ def move_to_poses(
     targets = np.tile(poses, (paths, 1, 1))
     guesses = q.reshape(-1, dof)
     w = null_space(arm, targets, task, guesses)
-    moved = guesses.copy()
-    solved = pose_solver.solve_poses(
-        arm.link_table, task, moved, targets, w[:, None].copy(), guesses[:, None].copy()
-    )
-    near = np.abs(moved - guesses).max(axis=1) < LARGEST_CORRECTION
-    return moved.reshape(q.shape), (solved & near).reshape(paths, n).all(axis=1)
+    moved = np.empty_like(q)
+    fits = np.zeros(paths, dtype=np.bool_)
+    # Where the arm alone does not reach the poses, a heavy joint must move as well.
+    for rows in (guide_rows(arm, w), w):
+        tried = guesses.copy()
+        solved = pose_solver.solve_poses(
+            arm.link_table, task, tried, targets, rows[:, None].copy(), guesses[:, None].copy()
+        )
+        near = np.abs(tried - guesses).max(axis=1) < LARGEST_CORRECTION
+        better = (solved & near).reshape(paths, n).all(axis=1) & ~fits
+        moved[better] = tried.reshape(q.shape)[better]
+        fits |= better
+        if fits.all():
+            break
+    return moved, fits
 
 
 def smooth_in_levels(
@@ -74,8 +98,9 @@ def smooth_in_levels(
         smoothed, _ = smooth(
             arm, s[level], poses[level], task, q[:, level], start_stays=start_stays
         )
-        changed = q + interpolate_monotone(place[level], smoothed - q[:, level], place)
-        changed, fits = move_to_poses(arm, poses, task, changed)
+        changed, fits = move_to_poses(
+            arm, poses, task, interpolate_monotone(place[level], smoothed, place)
+        )
         q = np.where(fits[:, None, None], changed, q)
     return smooth(arm, s[every], poses[every], task, q, start_stays=start_stays)
 
@@ -121,6 +146,7 @@ def smooth(
         count = len(active)
         targets = np.tile(poses, (count, 1, 1))
         w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(count, n, free, arm.dof)
+        kept = guide_rows(arm, w.reshape(-1, free, arm.dof))
         bands, right = cost.equations(q, w)
         if start_stays:
             right[:, :free] = 0.0
@@ -132,7 +158,7 @@ def smooth(
         better = np.zeros(count, dtype=np.bool_)
         for share in cost.shares:
             trial = q + share * change
-            rows = w.reshape(-1, 1, free, arm.dof)
+            rows = kept.reshape(-1, 1, free, arm.dof)
             goals = trial.reshape(-1, 1, arm.dof).copy()
             # The solver moves the trial, in place, until the tool has its poses again.
             positions = trial.reshape(-1, arm.dof)

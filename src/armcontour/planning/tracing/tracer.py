@@ -671,8 +671,12 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
+    from armcontour.planning.tracing.leaning import leans, may_lean, trace_leaning
+    from armcontour.planning.tracing.two_axis_head import HEAD_FINER
+
     moving, joints = without_held(arm)
-    knots = first_knots(path, arm.span, FINER)
+    leaning = dimension_of(path, arm, moving) == AXIS_TASK and may_lean(path, moving)
+    knots = first_knots(path, arm.span, HEAD_FINER if leaning else FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
         split = (knots.s0 < knot) & (knot < s[1:])
@@ -681,12 +685,9 @@ def _trace_near(
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
     poses = row_of_poses(path, knots)
-    if dimension_of(path, arm, moving) == AXIS_TASK:
-        from armcontour.planning.tracing.leaning import leans, trace_leaning
-
-        if leans(moving, poses, q):
-            refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
-            return trace_leaning(path, arm, knots, q, refine_near)
+    if leaning and leans(path, moving, poses, q):
+        refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
+        return trace_leaning(path, arm, knots, q, knot, refine_near)
     return _refine_solution(path, arm, knots, poses, q)
 
 

@@ -33,6 +33,8 @@ from armcontour.robot import SerialArm
 # Angle by which the tool axis of such a machine may deviate from the required one where the path
 # comes near the pole of the head [rad].
 HEAD_TOLERANCE = float(np.radians(0.1))
+# Number of joints of such a machine.
+HEAD_JOINTS = 5
 # Angle to the pole within which the path is near it [rad]. At larger angles, the tolerance changes
 # the first axis by less than 2 degrees.
 NEAR_POLE = float(np.radians(3.0))
@@ -61,7 +63,7 @@ BEND_WEIGHT = 0.02
 # Weight of the distance from the angles of the dynamic programming, which decides where nothing
 # else does.
 ANCHOR_WEIGHT = 1e-6
-# Weight of a first angle that is given
+# Weight of an angle that is given
 FIXED_WEIGHT = 1e9
 # Largest number of iterations of the interior-point method, its last complementarity, and the
 # factor by which an iteration aims to reduce it
@@ -106,6 +108,13 @@ class Head:
             exact=np.arccos(np.clip(exact, -1.0, 1.0)),
             reached=(high >= -1.0) & (low <= 1.0),
         )
+
+    def rows(self, count: int) -> FloatArray:
+        """Return the rows of a guide that fix both rotary axes at stations, (count, 2, 5)."""
+        rows = np.zeros((count, 2, HEAD_JOINTS))
+        rows[:, 0, self.first] = 1.0
+        rows[:, 1, self.second] = 1.0
+        return rows
 
     def second_angles(self, axis: FloatArray, first: FloatArray) -> FloatArray:
         """Return the angles of the second axis [rad] that bring the tool nearest to its direction.
@@ -160,7 +169,7 @@ class Allowed:
 def head_of(arm: SerialArm) -> Head | None:
     """Return the head of a machine with three slides and two rotary axes; None for other arms."""
     rotary = np.flatnonzero(~arm.chain.slides)
-    if arm.dof != 5 or len(rotary) != 2:
+    if arm.dof != HEAD_JOINTS or len(rotary) != 2:
         return None
     zero = np.zeros(arm.dof)
     axes = arm.jacobian(zero)[3:, rotary].T
@@ -185,6 +194,11 @@ def has_head_tolerance(path: Path, head: Head) -> bool:
     s = np.interp(np.arange((len(s) - 1) * PLACES + 1) / PLACES, np.arange(len(s)), s)
     across = np.linalg.norm(np.cross(path.orientation(s)[:, :, 2], head.pole), axis=1)
     return bool(across.min() < np.sin(NEAR_POLE))
+
+
+def is_away_from_pole(head: Head, axis: FloatArray) -> bool:
+    """Test whether a required tool axis, (3,), is farther from the pole than NEAR_POLE."""
+    return bool(np.linalg.norm(np.cross(axis, head.pole)) >= np.sin(NEAR_POLE))
 
 
 def stations_of(s: FloatArray, axis: FloatArray, stops: FloatArray) -> IntArray:
@@ -241,13 +255,18 @@ def guide_head(
     search = _Search(arm, head, s, axis, USED_TOLERANCE * tolerance)
     rough = search.run(start)
     lower, upper = search.intervals(rough)
+    fixed = np.zeros(len(s), dtype=np.bool_)
+    for k in (0, -1):
+        # The next move, which may be away from the pole, begins with the required tool axis.
+        if is_away_from_pole(head, axis[k]):
+            rough[k] = search.nearest_exact(k, float(rough[k]))
+            fixed[k] = True
     if start is not None and lower[0] < start < upper[0]:
         rough[0] = start
-    first = bend_least(s, rough, lower, upper, start_stays=start is not None)
+        fixed[0] = True
+    first = bend_least(s, rough, lower, upper, fixed)
     second = search.turn_into_range(head.second_angles(axis, first))
-    rows = np.zeros((len(s), 2, arm.dof))
-    rows[:, 0, head.first] = 1.0
-    rows[:, 1, head.second] = 1.0
+    rows = head.rows(len(s))
     q = _slide(arm, head, poses, first, np.unwrap(second))
     return Guide.through(s, q, rows, stops), q
 
@@ -324,6 +343,12 @@ class _Search:
         inside = (second >= self.second_range[0]) & (second <= self.second_range[1])
         return first[inside], second[inside]
 
+    def nearest_exact(self, i: int, first: float) -> float:
+        """Return the angle nearest to another one that gives the required tool axis [rad]."""
+        exact = self.allowed.middle[i] + self.allowed.exact[i] * np.array([-1.0, 1.0])
+        exact = exact + 2 * np.pi * np.rint((first - exact) / (2 * np.pi))
+        return float(exact[np.argmin(np.abs(exact - first))])
+
     def turn_into_range(self, second: FloatArray) -> FloatArray:
         """Shift angles of the second axis by whole turns to the middle of its range [rad]."""
         middle = float(np.mean(self.second_range)) if np.isfinite(self.second_range).all() else 0.0
@@ -348,7 +373,7 @@ class _Search:
 
 
 def bend_least(
-    s: FloatArray, rough: FloatArray, lower: FloatArray, upper: FloatArray, *, start_stays: bool
+    s: FloatArray, rough: FloatArray, lower: FloatArray, upper: FloatArray, fixed: BoolArray
 ) -> FloatArray:
     """Return values with the least squared slopes and bends between bounds, (n,).
 
@@ -357,15 +382,14 @@ def bend_least(
     - `s`: arc lengths [m], (n,).
     - `rough`: values between the bounds, (n,).
     - `lower`, `upper`: bounds, (n,) each.
-    - `start_stays`: true if the first value does not change.
+    - `fixed`: mask of the values that do not change, (n,).
     """
     n = len(s)
     if n < 3:
         return rough
     bands, gradient = _smoothness(s / s[-1], rough)
-    if start_stays:
-        bands[0, 0] += FIXED_WEIGHT
-        gradient[0] += FIXED_WEIGHT * rough[0]
+    bands[0, fixed] += FIXED_WEIGHT
+    gradient[fixed] += FIXED_WEIGHT * rough[fixed]
     low = np.where(np.isfinite(lower), lower, rough - ENDLESS)
     high = np.where(np.isfinite(upper), upper, rough + ENDLESS)
     x = np.clip(rough, low + 0.05 * (high - low), high - 0.05 * (high - low))
@@ -388,7 +412,7 @@ def bend_least(
         x = x + share * step
         push_low = push_low + share * change_low
         push_high = push_high + share * change_high
-    return np.asarray(x)
+    return np.where(fixed, rough, x)
 
 
 def _largest_share(values: FloatArray, change: FloatArray) -> float:

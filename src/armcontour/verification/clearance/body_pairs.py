@@ -284,13 +284,13 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
         # A ball about a point on the axis contains the body at any joint position.
         if row.slides:
             radii[row.leader] += 1.0
-            middle = row.place.position + row.place.rotation @ middle
+            middle = row.position + row.rotation @ middle
             continue
         along = row.axis * float(row.axis @ middle)
         radius = radius + float(np.linalg.norm(middle - along))
         # Joints that follow another one add their speed to that of this joint.
         radii[row.leader] += abs(row.factor) * radius
-        middle = row.place.position + row.place.rotation @ along
+        middle = row.position + row.rotation @ along
     middle = start
     radius = size
     for k in range(body.link, chain.floor_link):
@@ -318,7 +318,7 @@ class Distances:
             bodies[id(pair.second)] = pair.second
         places = {key: k for k, key in enumerate(bodies)}
         self._links = link_table(chain)
-        self._rows = [*chain.joint_row, -1]
+        self._chain = chain
         self._base = chain.base.matrix
         self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
@@ -392,7 +392,7 @@ class Distances:
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Return the placements of all bodies in the work frame, (n, bodies, 3, 4)."""
-        joints = frames_of(self._links, kernel_array(q))[:, self._rows]
+        joints = self._chain.without_followers(frames_of(self._links, kernel_array(q)))
         # The base (link 0) is stored at index -1, in place of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
