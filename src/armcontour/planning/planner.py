@@ -73,10 +73,14 @@ def plan(
             accelerations would jump.
     """
     arm = _require_arm(path, arm, limits)
-    bounds = resolve_limits("plan", arm, limits)
+    if limits is not None and getattr(arm, "limits", None) is NO_LIMITS:
+        bounds = limits.for_joints(arm.dof)
+    else:
+        bounds = resolve_limits("plan", arm, limits)
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
-    if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
+    is_limited = arm.limits is not NO_LIMITS and not isinstance(path, Tracing)
+    if is_limited and (warning := compare_limits(bounds, arm)):
         # Only jobs plan tracings, and they issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
     options.check_jerk(bounds)
@@ -156,6 +160,7 @@ def _warn_of_stops(trajectory: Trajectory) -> None:
         )
 
 
+# Limits of an arm that limits nothing.
 NO_LIMITS = Limits()
 
 
