@@ -75,6 +75,8 @@ INNER = {
     # `plan`, `compensate` and jobs call the methods of options.
     *("at_cycle", "check_jerk", "for_program", "reshape", "time", "without_duration"),
     *("set_points", "settling", "Limits.of_chain"),
+    # Tracing holds joints, and changes their weights.
+    *("hold_still", "holding", "weighting", "seen_from"),
     *(
         f"{name}Format.{method}"
         for name in ("Csv", "RosYaml", "URScript", "Template")

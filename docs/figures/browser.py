@@ -137,7 +137,7 @@ def show_edges(studio: Studio) -> None:
     studio.find("#view3d [data-view=Part]").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_edges", studio.page.screenshot())
-    studio.find("#view3d [data-view=Arm]").click()
+    studio.find("#view3d [data-view=Cell]").click()
     save_moving("studio_weld", studio)
 
 

@@ -33,7 +33,8 @@ POSITIONER = """\
       - {name: tilt, axis: [0, 1, 0], origin: [0.9, 0, 0.3], lower: -100 deg, upper: 100 deg,
          velocity: 60 deg/s, acceleration: 100 deg/s^2}
       - {name: turn, axis: [0, 0, 1], origin: [0.9, 0, 0.4], lower: -400 deg, upper: 400 deg,
-         velocity: 90 deg/s, acceleration: 100 deg/s^2, hold: 0 deg}
+         velocity: 90 deg/s, acceleration: 100 deg/s^2}
+  preferences: {turn: {hold: 0 deg}}
 """
 
 

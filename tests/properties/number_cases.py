@@ -147,8 +147,9 @@ def _oriented(orientation: Any) -> dict[str, Any]:
 _RAIL: dict[str, Any] = {
     **{"axis": [0.0, 1.0, 0.0], "origin": [0.0, -0.5, 0.0], "lower": 0.0, "upper": 1.0},
     **{"velocity": 1.0, "acceleration": 2.0, "jerk": 50.0, "force": 5e3, "mass": 50.0},
-    "weight": 5.0,
 }
+# Preferences of the rail, one after the other because they exclude each other.
+_PREFERRED: list[dict[str, Any]] = [{"weight": 5.0, "range": [0.2, 0.8]}, {"hold": 0.5}]
 _TABLE: dict[str, Any] = {
     "part": {"mass": 1.0, "center": [0.0, 0.0, 0.0], "inertia": [0.01, 0, 0, 0.01, 0, 0.01]},
     "tilt": 1.5,
@@ -156,8 +157,8 @@ _TABLE: dict[str, Any] = {
         {
             **{"name": "turn", "axis": [0.0, 0.0, 1.0], "origin": [0.4, 0.0, 0.1]},
             **{"lower": -3.0, "upper": 3.0, "velocity": 1.0, "acceleration": 2.0, "jerk": 50.0},
-            **{"torque": 500.0, "mass": 20.0, "center": [0.4, 0.0, 0.1], "weight": 2.0},
-            **{"inertia": [0.1, 0, 0, 0.1, 0, 0.1], "hold": 0.0},
+            **{"torque": 500.0, "mass": 20.0, "center": [0.4, 0.0, 0.1]},
+            "inertia": [0.1, 0, 0, 0.1, 0, 0.1],
         }
     ],
 }
@@ -177,7 +178,7 @@ _UP = {"up": [0.0, 0.0, 1.0]}
 _GIVEN = [[math.pi, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
 _ORIENTED = [
     {"quaternion": _GIVEN[1]},
-    {"axis": _GIVEN[2]},
+    {"axis": _GIVEN[2], "cone": 0.1},
     {"follow_tangent": {**_UP, "rpy": _GIVEN[0]}},
     {"follow_tangent": {**_UP, "quaternion": _GIVEN[1]}},
 ]
@@ -319,8 +320,10 @@ BASES: list[dict[str, Any]] = [
         },
     ),
     _with(PLANE, servo={**_REAL, **_IDENTIFIED}, plant={**SERVO, **_REAL}),
-    _with(SPACE, arm={"rail": _RAIL}, seed=[0.5, *SPACE["seed"]]),
-    _with(SPACE, arm={"rail": {**_RAIL, "hold": 0.5}}, seed=[0.5, *SPACE["seed"]]),
+    *(
+        _with(SPACE, arm={"rail": _RAIL, "preferences": {"rail": x}}, seed=[0.5, *SPACE["seed"]])
+        for x in _PREFERRED
+    ),
     _with(SPACE, arm={"positioner": _TABLE}, seed=[0.0, *SPACE["seed"]]),
     _with(_oriented({"axis": [0.0, 0.0, -1.0]}), arm=None, seed=None)
     | {"arm": {"file": "cell.urdf", "tip": "tcp", "part": "table", "tilt": 1.5}},

@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.files import read_job
 from armcontour.motion import LapLaw, Trajectory
-from armcontour.robot import Chain, Payload, SerialArm
+from armcontour.robot import Chain, JointPreference, Payload, SerialArm
 from armcontour.robot.scene import ArmShapes, LinkShape, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import check_clearance
 
@@ -393,10 +393,9 @@ def test_a_heavier_rail_moves_less_along_a_long_seam():
     travels = []
     for weight in (1.0, 20.0):
         rail = ac.Rail(
-            axis=(1, 0, 0), lower=-1.0, upper=4.0, velocity=1.0, acceleration=0.5, mass=200.0,
-            weight=weight,
-        )  # fmt: skip
-        arm = ur10e().with_rail(rail)
+            axis=(1, 0, 0), lower=-1.0, upper=4.0, velocity=1.0, acceleration=0.5, mass=200.0
+        )
+        arm = ur10e().with_rail(rail).with_preferences({"rail": JointPreference(weight=weight)})
         plan = ac.plan(SEAM, arm, arm.limits.replace(speed=0.02))
         t = np.random.default_rng(0).uniform(1.0, plan.duration - 1.0, 500)
         speed = np.linalg.norm(arm.tool_velocity(plan(t), plan(t, 1)), axis=1)

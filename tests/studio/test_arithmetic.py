@@ -98,3 +98,44 @@ def test_the_page_computes_the_same_link_and_tool_poses():
         if arm.name == "ur5e":
             np.testing.assert_allclose(poses[:, :-1], link_poses(arm.chain, q), atol=1e-12)
             assert [x["link"] for x in header["bodies"]] == [x.link for x in arm.shapes.shapes]
+
+
+def test_a_frame_contains_all_points_and_is_as_near_as_possible():
+    random = np.random.default_rng(3)
+    cases = []
+    for _ in range(30):
+        points = random.normal(size=(random.integers(1, 40), 3)) * random.uniform(0.01, 5.0, 3)
+        low, high = random.uniform(0.3, 1.0, (2, 2))
+        field = random.uniform(0.1, 0.6)
+        cases.append(
+            {
+                "points": points,
+                "picture": {
+                    "right": field * random.uniform(0.4, 2.5),
+                    "up": field,
+                    "across": [-low[0], high[0]],
+                    "along": [-low[1], high[1]],
+                    "nearest": 0.2,
+                },
+            }
+        )
+    cameras = compute(
+        """
+        const { frame } = await import("./framing.js");
+        tell(given.map(({ points, picture }) => frame(points.flat(), picture)));
+        """,
+        cases,
+    )
+    for case, camera in zip(cases, cameras, strict=True):
+        picture = case["picture"]
+        away = camera - case["points"]
+        x = -away[:, 0] / away[:, 2] / picture["right"]
+        y = -away[:, 1] / away[:, 2] / picture["up"]
+        bounds = np.array([[x.min(), x.max()], [y.min(), y.max()]])
+        allowed = np.array([picture["across"], picture["along"]])
+        assert (bounds[:, 0] >= allowed[:, 0] - 1e-9).all()
+        assert (bounds[:, 1] <= allowed[:, 1] + 1e-9).all()
+        # Points touch two opposite edges, unless the camera would be too near.
+        touches = np.abs(bounds - allowed).max(axis=1).min() < 1e-9
+        assert touches or away[:, 2].min() == pytest.approx(picture["nearest"])
+        assert away[:, 2].min() >= picture["nearest"] - 1e-12

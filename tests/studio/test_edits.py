@@ -15,10 +15,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
+from armcontour.files.file_keys import in_si
 from armcontour.files.job_file import cell_names, cell_text
+from armcontour.files.job_model import JobModel
 from armcontour.files.job_patch import key_of, locate_key
 from armcontour.files.job_text_edits import change_data, value_at
-from armcontour.studio.description import slider_rows
+from armcontour.studio.description import shown_values, slider_rows
 from armcontour.studio.edits import EDITS, changes_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
@@ -418,3 +420,65 @@ def test_lists_of_numbers_are_typed_as_text_or_numbers():
         assert rail["axis"] == [0, 1, 0]
     origin = set_to("arm.rail.origin", ["0", "100", "0 m"], text=SPACE)["arm"]["rail"]["origin"]
     assert origin == ["0 mm", "100 mm", "0 m"]
+
+
+CELL = """
+name: cell
+arm:
+  name: ur5e
+  rail: {axis: [0, 1, 0], lower: -500 mm, upper: 1.5, velocity: 0.8 m/s, acceleration: 1.5}
+  positioner:
+    axes:
+      - {name: turn, axis: [0, 0, 1], origin: [0.9, 0, 400 mm], lower: -1.5707963267948966,
+         upper: 90 deg, velocity: 1 rad/s, acceleration: 100 deg/s^2}
+path: {points: [[0, 0, 0], [0.1, 0, 0]], orientation: {axis: [0, 0, -1]}}
+servo: {kp: 25, kv: 150}
+runs: {own: {}}
+"""
+
+
+def test_external_axes_are_shown_in_mm_and_degrees_and_written_in_the_units_of_the_file():
+    shown = {key: x["text"] for key, x in shown_values(load(CELL, "")).items()}
+    turn = "arm.positioner.axes.0"
+    expected = {
+        "arm.rail.lower": "-500 mm",
+        "arm.rail.upper": "1500 mm",
+        "arm.rail.velocity": "800 mm/s",
+        f"{turn}.origin": "900, 0, 400",
+        f"{turn}.lower": "-90 deg",
+        f"{turn}.upper": "90 deg",
+    }
+    assert {x: shown[x] for x in expected} == expected
+    rate = shown[f"{turn}.velocity"].split()
+    assert float(rate[0]) == pytest.approx(math.degrees(1.0), rel=1e-12) and rate[1] == "deg/s"
+    # Accelerations have no other unit in results than in SI.
+    assert set(shown) == {*expected, f"{turn}.velocity"}
+    edits = [
+        ("arm.rail.upper", "1600", 1.6),
+        ("arm.rail.upper", "1600 mm", 1.6),
+        ("arm.rail.upper", "1.7 m", 1.7),
+        ("arm.rail.lower", "-600", "-600 mm"),
+        ("arm.rail.lower", "-0.6 m", "-600 mm"),
+        ("arm.rail.velocity", "900", "0.9 m/s"),
+        ("arm.rail.velocity", "0.90 m/s", "0.90 m/s"),
+        ("arm.rail.acceleration", "2", 2.0),
+        ("arm.rail.origin", ["0", "100", "0.2 m"], ["0 mm", "100 mm", "0.2 m"]),
+        (f"{turn}.origin", ["850", "10", "300"], [0.85, 0.01, "300 mm"]),
+        (f"{turn}.upper", "120", "120 deg"),
+        (f"{turn}.velocity", "2 rad/s", "2 rad/s"),
+        (f"{turn}.acceleration", "50", "50 deg/s^2"),
+        ("arm.rail.upper", "far", "far"),
+    ]
+    for key, typed, written in edits:
+        assert value_at(set_to(key, typed, text=CELL), key_of(key)) == written
+    lower = value_at(set_to(f"{turn}.lower", "-45 deg", text=CELL), key_of(f"{turn}.lower"))
+    assert lower == pytest.approx(-math.pi / 4, rel=1e-12)
+    rate = value_at(set_to(f"{turn}.velocity", "90", text=CELL), key_of(f"{turn}.velocity"))
+    number, unit = rate.split()
+    assert float(number) == pytest.approx(math.pi / 2, rel=1e-12) and unit == "rad/s"
+    # The text of a value, sent unchanged, does not change the file's value.
+    for key, text in shown.items():
+        sent = text.split(", ") if ", " in text else text
+        new = value_at(in_si(set_to(key, sent, text=CELL), JobModel), key_of(key))
+        old = value_at(in_si(load(CELL, ""), JobModel), key_of(key))
+        np.testing.assert_allclose(new, old, rtol=1e-12)

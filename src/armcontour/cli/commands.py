@@ -144,7 +144,7 @@ class Run(JobOptions, Results):
     Args:
         simulate: Simulate the servo, and write a report of it.
         changes: Plan changes of each run, and report those that save most time or turn a violated
-            run into a valid one; by default the likeliest, up to 200 segments in all runs.
+            run into a valid one; by default the likeliest, for a quarter of the run's time.
     """
 
     out: RequiredOut = field()

@@ -129,8 +129,11 @@ def make_unchecked(kind: type[C], **values: Any) -> C:
 def copy_unchecked(value: C, **changes: Any) -> C:
     """Copy a checked dataclass and change fields without checking them."""
     kind: Any = type(value)
-    own = {name: getattr(value, name) for name in _field_names(kind)}
-    return cast(C, make_unchecked(kind, **(own | changes)))
+    copied = make_unchecked(kind, **changes)
+    for name in _field_names(kind):
+        if name not in changes:
+            object.__setattr__(copied, name, getattr(value, name))
+    return cast(C, copied)
 
 
 class Frozen:

@@ -114,10 +114,15 @@ def check(value: Any) -> None:
     try:
         for name, who, read, default in readers:
             original = getattr(value, name)
-            if original is not default:
-                checked = _read_named(name, read, original, who)
-                if checked is not original:
-                    object.__setattr__(value, name, checked)
+            if original is default:
+                continue
+            try:
+                read_value = read(original, who)
+            except InvalidInput as error:
+                _add_name(error, name, original)
+                raise
+            if read_value is not original:
+                object.__setattr__(value, name, read_value)
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
@@ -138,9 +143,14 @@ def _read_named(name: str, read: Reader, value: Any, who: str) -> Any:
     try:
         return read(value, who)
     except InvalidInput as error:
-        error.key = (name, *error.key)
-        error.value = value if isinstance(value, bool | int | float | str) else None
+        _add_name(error, name, value)
         raise
+
+
+def _add_name(error: InvalidInput, name: str, value: Any) -> None:
+    """Add the name of a field or an argument to the key of an error, with the refused value."""
+    error.key = (name, *error.key)
+    error.value = value if isinstance(value, bool | int | float | str) else None
 
 
 @cache
@@ -382,7 +392,7 @@ def _read_list(parts: tuple[Any, ...]) -> Reader:
     def read(value: Any, who: str) -> Any:
         """Check the items of a list, and convert it to a tuple."""
         values = checks.check_sequence(who, value, kinds or object, noun, count)
-        if kinds:
+        if kinds or each == [None]:
             return values
         every = zip(each if count else each * len(values), values, strict=True)
         return tuple(x if read_item is None else read_item(x, who) for read_item, x in every)

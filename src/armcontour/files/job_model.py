@@ -10,6 +10,7 @@ from armcontour.control.compensation import CompensationOptions
 from armcontour.core.quantities import (
     Angle,
     AtLeast,
+    ConeAngle,
     Convert,
     Distance,
     Interval,
@@ -43,6 +44,7 @@ from armcontour.program import ContourProcess, Process
 from armcontour.robot import Limits
 from armcontour.robot.bodies import Payload
 from armcontour.robot.external_axes import Positioner, Rail
+from armcontour.robot.preferences import Prefer, Weight
 from armcontour.robot.servo import ServoModel
 
 Point = Annotated[list[Length], Items(2, 3)]
@@ -112,6 +114,27 @@ class ToolModel(FrameModel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PreferenceModel:
+    """How one joint of the arm should move, if the path leaves a choice.
+
+    Args:
+        hold: Position at which the joint stays for the whole job: an angle such as `10 deg`, or for
+            a linear axis a length such as `0.3 m`; by default it moves. A plain number is in rad or
+            m.
+        weight: Cost of its motion relative to the other joints. A joint with a larger weight moves
+            less.
+        range: Lower and upper end of a range that is narrower than the joint's own, as angles or
+            lengths; by default its own.
+        still: Whether the joint stays still within each contour, and moves between contours only.
+    """
+
+    hold: float | str | None = None
+    weight: Weight = 1.0
+    range: Annotated[list[float | str], Items(2, 2)] | None = None
+    still: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel(ArmOptions):
     """An arm by `name` or `file`, with its tool, work frame, payload and additional shapes.
 
@@ -127,6 +150,11 @@ class ArmModel(ArmOptions):
         shapes: Additional shapes of links, such as hoses and cameras, in the frames of the links.
         rail: A linear axis that carries the arm.
         positioner: Axes between the floor and the part.
+        preferences: How joints should move, by their names: joints of the arm, `rail`, axes of the
+            positioner and joints of a description.
+        prefer: What the planner prefers if the arm can follow a path in several ways: the shortest
+            duration (`fastest`), or the least weighted motion of the joints (`least motion`). By
+            default the least motion among those that are almost as fast as the fastest one.
     """
 
     name: str | None = None
@@ -137,6 +165,8 @@ class ArmModel(ArmOptions):
     shapes: list[LinkShapeModel] | None = None
     rail: Rail | None = None
     positioner: Positioner | None = None
+    preferences: dict[str, PreferenceModel] = field(default_factory=dict)
+    prefer: Prefer | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,7 +205,7 @@ class FollowModel(RotationModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationModel(RotationModel):
-    """The required tool orientation: one of the keys except `axis_only`.
+    """The required tool orientation: one of the keys except `axis_only` and `cone`.
 
     Args:
         axis: Direction of the tool axis; rotation about the tool axis is free.
@@ -185,6 +215,8 @@ class OrientationModel(RotationModel):
         face: For edges of a model, the axis is perpendicular to one face at the edge.
         axis_only: Whether only the direction of the tool axis is required; rotation about the tool
             axis is free.
+        cone: Largest angle by which the tool may lean from its required axis, whose rotation must
+            be free; the tool point stays on the path. Alone for a file with tool axes.
     """
 
     axis: Direction | None = None
@@ -192,6 +224,7 @@ class OrientationModel(RotationModel):
     bisector: Bisector | None = None
     face: FaceNormal | None = None
     axis_only: bool = False
+    cone: ConeAngle = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -216,6 +216,8 @@ def tool_axis_of(model: PathModel) -> Bisector | None:
         return BISECTOR
     if not isinstance(orientation, OrientationModel):
         raise InvalidInput(ONE_ORIENTATION, key=("path", "orientation"))
+    if orientation.cone > 0.0 and not _names_of(orientation):
+        return BISECTOR
     _check_single_rotation(("path", "orientation"), orientation)
     return orientation.bisector if orientation.face is None else orientation.face
 
@@ -259,14 +261,26 @@ def _prepare_drawing(model: PathModel, program: Program, dimension: int) -> Prog
         orientation = model.orientation
         if not isinstance(orientation, OrientationModel):
             raise InvalidInput(ONE_ORIENTATION, key=("path", "orientation"))
-        if is_model(model) and tool_axis_of(model) is not None:
-            return program
         if any(x.path.orientation is not None for x in program.contours):
-            note = f"path.orientation is ignored, because {program.source} has tool orientations."
-            program = dataclasses.replace(program, notes=(*program.notes, note))
-        else:
-            program = _orient_contours(program, orientation)
+            return _keep_orientations(model, program, orientation)
+        program = _orient_contours(program, orientation)
     return program
+
+
+def _keep_orientations(
+    model: PathModel, program: Program, orientation: OrientationModel
+) -> Program:
+    """Return a program with the tool orientations of its file, and with the cone of the job."""
+    follows_faces = is_model(model) and tool_axis_of(model) is not None
+    if not follows_faces and _names_of(orientation):
+        note = f"path.orientation is ignored, because {program.source} has tool orientations."
+        if orientation.cone > 0.0:
+            note = note.replace("is ignored", "is ignored except for its cone")
+        program = dataclasses.replace(program, notes=(*program.notes, note))
+    if orientation.cone == 0.0:
+        return program
+    with key_context("path", "orientation", "cone"):
+        return program.with_cone(orientation.cone)
 
 
 def part_of(model: PathModel) -> Frame:
@@ -418,10 +432,14 @@ def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
     rotation = rotation_of(key, orientation if follow is None else follow)
     with error_context(location, "path", "orientation"):
         if orientation.axis is not None:
-            return path.pointing(orientation.axis)
-        if follow is not None:
-            return path.following_tangent(follow.up, tool=rotation, axis_only=orientation.axis_only)
-        return path.oriented(rotation, axis_only=orientation.axis_only)
+            oriented = path.pointing(orientation.axis)
+        elif follow is not None:
+            free = orientation.axis_only
+            oriented = path.following_tangent(follow.up, tool=rotation, axis_only=free)
+        else:
+            oriented = path.oriented(rotation, axis_only=orientation.axis_only)
+    with key_context("path", "orientation", "cone"):
+        return oriented.with_cone(orientation.cone)
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
@@ -442,7 +460,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     axes = [x.axis for x in models if x.axis is not None]
     if len(axes) == len(models):
         with key_context("path", "orientation"):
-            return path.pointing(np.array(axes))
+            return path.pointing(np.array(axes)).with_cone(_only_cone(models))
     if axes or len({x.axis_only for x in models}) > 1:
         raise InvalidInput(
             "path.orientation: either all waypoints must have axis, or none. The same is required "
@@ -450,12 +468,30 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
         )
     rotations = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
     with key_context("path", "orientation"):
-        return path.oriented(np.array(rotations), axis_only=models[0].axis_only)
+        oriented = path.oriented(np.array(rotations), axis_only=models[0].axis_only)
+        return oriented.with_cone(_only_cone(models))
+
+
+def _only_cone(models: list[OrientationModel]) -> float:
+    """Return the cone of all waypoints [rad], which must be the same."""
+    cones = sorted({x.cone for x in models})
+    if len(cones) > 1:
+        raise InvalidInput(
+            f"path.orientation has cones from {np.degrees(cones[0]):.4g} to "
+            f"{np.degrees(cones[-1]):.4g} deg, but a path has one cone. Specify the same cone for "
+            "all waypoints."
+        )
+    return cones[0]
+
+
+def _names_of(orientation: OrientationModel) -> list[str]:
+    """Return the keys of ORIENTATIONS that are specified."""
+    return [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
 
 
 def _check_single_rotation(keys: Keys, orientation: OrientationModel) -> None:
     """Check that an orientation has exactly one of the keys ORIENTATIONS."""
-    names = [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
+    names = _names_of(orientation)
     if len(names) != 1:
         raise InvalidInput(
             f"{key_text(keys)} requires exactly one of {', '.join(ORIENTATIONS)}, but has "

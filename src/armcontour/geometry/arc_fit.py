@@ -145,15 +145,17 @@ def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) ->
     `matched_s` are the arc lengths of the waypoints on the old and on the new path [m], (n, 2).
     """
     if orientation.follows:
-        return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
+        carried = carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
+        return carried.with_cone(orientation.cone)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
     before, after = matched_s.T
     ratio = (np.diff(before) / np.diff(after))[np.searchsorted(after[1:-1], middle)]
     rates, _ = orientation.rates(np.interp(middle, after, before))
     starts = orientation(np.interp(table.breaks[:-1], after, before))
-    return Orientation.even(
+    transferred = Orientation.even(
         table.lengths, starts, ratio[:, None] * rates, axis_only=orientation.axis_only
     )
+    return transferred.with_cone(orientation.cone)
 
 
 def _check_tolerance(tolerance: float) -> None:

@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray, IntArray, copy_unchecked
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import angle_between, exp, log
-from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.quantities import Axes, ConeAngle, Quantity
 from armcontour.core.quintics import rescale
 from armcontour.core.text import short_repr
 
@@ -28,6 +28,11 @@ SAME_RATE = 1e-9
 RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
 RELATIVE_LENGTH_ROUNDING = 1e-15
+WHOLE_ROTATION = (
+    "A cone allows other directions of the tool axis, so the rotation about this axis must be "
+    "free. Specify only the tool axis (in a job, path.orientation.axis, or axis_only: true; in "
+    "Python, path.pointing(direction), or axis_only=True), or remove the cone."
+)
 # Coefficients of f(u) = u.
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 # Fields of `Orientation` with rotations: one matrix or one rotation vector per piece.
@@ -61,12 +66,15 @@ class Orientation(Checked):
         axis_only: Only the tool axis, the third column, is prescribed; rotation about it is free.
             By default, the whole rotation is prescribed.
         follows: The orientation follows the tangent of its path.
+        cone: Largest angle allowed between the tool axis and the prescribed one [rad]; above 0, the
+            planner chooses the angle. Only with `axis_only`.
 
     Attributes:
         fixed: The tool does not turn on any piece.
 
     Raises:
-        InvalidInput: The arrays have wrong shapes, are not finite, or breaks do not increase.
+        InvalidInput: The arrays have wrong shapes, are not finite, or breaks do not increase; or a
+            cone is specified for a whole rotation.
     """
 
     breaks: Annotated[FloatArray, FINITE, Axes("breaks")]
@@ -79,6 +87,7 @@ class Orientation(Checked):
     h: Annotated[FloatArray, FINITE, Axes("n", "terms")]
     axis_only: bool = False
     follows: bool = False
+    cone: ConeAngle = 0.0
     fixed: bool = field(init=False, repr=False)
 
     __repr__ = short_repr
@@ -94,6 +103,8 @@ class Orientation(Checked):
         object.__setattr__(self, "fixed", not turns)
         if n == 0 or self.breaks[0] != 0 or not (self.breaks[1:] > self.breaks[:-1]).all():
             raise InvalidInput("The breaks of an orientation must start at 0 and increase.")
+        if self.cone > 0 and not self.axis_only:
+            raise InvalidInput(WHOLE_ROTATION)
 
     @classmethod
     def even(
@@ -122,6 +133,7 @@ class Orientation(Checked):
             **_constant_rate_columns(n),
             axis_only=axis_only,
             follows=follows,
+            cone=0.0,
         )
 
     @classmethod
@@ -143,7 +155,19 @@ class Orientation(Checked):
             **{name: np.concatenate(x) for name, x in columns.items()},
             axis_only=all(x.axis_only for x in parts),
             follows=all(x.follows for x in parts),
+            cone=min(x.cone for x in parts),
         )
+
+    def with_cone(self, cone: float) -> Orientation:
+        """Return the orientation with another cone around the tool axis.
+
+        Args:
+            cone: Largest angle between the tool axis and the prescribed one [rad].
+
+        Raises:
+            InvalidInput: The whole rotation is prescribed, or the angle is out of range.
+        """
+        return self if cone == self.cone else replace(self, cone=cone)
 
     def __len__(self) -> int:
         """Number of pieces."""

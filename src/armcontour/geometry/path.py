@@ -14,7 +14,14 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import IN_PLANE, Frame, Pose, angle_between
-from armcontour.core.quantities import Distance, Factor, Size, SpeedLimit, Tolerance
+from armcontour.core.quantities import (
+    ConeAngle,
+    Distance,
+    Factor,
+    Size,
+    SpeedLimit,
+    Tolerance,
+)
 from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
@@ -303,6 +310,30 @@ class Path(Checked):
             self.segments, up, tool, axis_only=axis_only
         )
         return replace(self, orientation=orientation)
+
+    @checked
+    def with_cone(self, cone: ConeAngle) -> Path:
+        """Return the path with a cone around its tool axis, within which the tool may lean.
+
+        The tool point stays on the path. The planner leans the tool where the arm can then move
+        faster, reach the path, or pass obstacles and singularities.
+
+            seam = path.pointing((0, 0, -1)).with_cone(np.radians(10))
+
+        Args:
+            cone: Largest angle between the tool axis and the prescribed one [rad], up to 60 deg; 0
+                for the prescribed axis.
+
+        Raises:
+            InvalidInput: The path has no tool orientation or prescribes a whole rotation, or the
+                angle is out of range.
+        """
+        if self.orientation is None:
+            raise InvalidInput(
+                "A cone is around the prescribed tool axis, but the path prescribes none. Specify "
+                "the axis first, for example with path.pointing(direction)."
+            )
+        return replace(self, orientation=self.orientation.with_cone(cone))
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:

@@ -193,6 +193,7 @@ def follow_tangents(
         **no_third_rotation(len(segments), columns["f"].shape[1]),
         axis_only=axis_only,
         follows=True,
+        cone=0.0,
     )
 
 

@@ -104,7 +104,7 @@ def orient_shaped(
     allowed = check_angular_tolerance(objective, angular_tolerance, straight)
     pairs = check_correspondence(places, objective, path)
     orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
-    return replace(path, orientation=orientation), deviation
+    return replace(path, orientation=orientation.with_cone(source.cone)), deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -287,6 +287,7 @@ def _insert_blends(
         **no_third_rotation(len(first), 4),
         axis_only=axis_only,
         follows=False,
+        cone=0.0,
     )
 
 

@@ -107,7 +107,7 @@ def orient_between_knots(motions: Sequence[Motion], *, axis_only: bool) -> Orien
     tables = [_three_turns(x) for x in motions]
     breaks = np.concatenate([*(x.s[:-1] for x in motions), motions[-1].s[-1:]])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
-    return Orientation(breaks=breaks, **columns, axis_only=False, follows=False)
+    return Orientation(breaks=breaks, **columns, axis_only=False, follows=False, cone=0.0)
 
 
 def _motion_of_axis(motion: Motion) -> Motion:
@@ -150,6 +150,7 @@ def _join_two_turns(motions: Sequence[Motion], frame: FloatArray) -> Orientation
         **no_third_rotation(len(lengths), 6),
         axis_only=True,
         follows=False,
+        cone=0.0,
     )
 
 
@@ -177,7 +178,11 @@ def turn_smoothly(
         knots.append(motion.s[:-1])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
     return Orientation(
-        breaks=np.concatenate([*knots, s[-1:]]), **columns, axis_only=axis_only, follows=False
+        breaks=np.concatenate([*knots, s[-1:]]),
+        **columns,
+        axis_only=axis_only,
+        follows=False,
+        cone=0.0,
     )
 
 

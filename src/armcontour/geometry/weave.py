@@ -335,9 +335,8 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     # not with each wave.
     seam_s = segments.breaks / segments.breaks[-1] * seam.length
     if orientation.follows:
-        orientation = carry_frame(
-            seam.segments, orientation.starts[0], axis_only=orientation.axis_only
-        )
+        carried = carry_frame(seam.segments, orientation.starts[0], axis_only=orientation.axis_only)
+        orientation = carried.with_cone(orientation.cone)
     else:
         seam_s = wave.on_part(seam_s)
     starts = orientation(seam_s[:-1])
@@ -346,7 +345,7 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     if not orientation.fixed:
         rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
     turned = Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
-    return Path(segments=segments, orientation=turned)
+    return Path(segments=segments, orientation=turned.with_cone(orientation.cone))
 
 
 def _fit_sine(

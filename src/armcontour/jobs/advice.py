@@ -47,11 +47,12 @@ LEAST_RESERVE = 0.02
 STEP_ROUNDING = 1e-12
 # A repair uses this fraction of the accuracy, so that rounding errors do not decide the verdict.
 ACCURACY_SHARE = 0.98
-# If all runs of a job have at most this number of segments, all changes are planned by default.
-MAX_SEGMENTS_OF_SMALL_JOB = 50
-# Maximum number of segments in all planned changes of a larger job. Planning a change takes a third
-# of the time that the run takes.
-MAX_PLANNED_SEGMENTS = 200
+# Changes are planned by default if they are predicted to take at most this share of the run's time.
+CHANGES_SHARE = 0.25
+# Predicted time of a run, in the time to plan and simulate one segment of a change (about 4 ms):
+# the start and the report of every run, and the steps for each segment.
+START_IN_SEGMENTS = 325
+RUN_PER_SEGMENT = 2.0
 # Condition of a change that raises the limit of one joint, which protects its drive.
 IF_DRIVE = "the drive allows it"
 # Condition of a change that raises another limit, or the travel speed of a weave.
@@ -136,15 +137,12 @@ def with_advice(
 
 
 def _count_affordable(job: Job) -> int:
-    """Return how many changes can be planned in about the time that the run took."""
-    segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
+    """Return how many changes of each run can be planned in the share CHANGES_SHARE of its time."""
     if any(x.is_shaped for x in job.runs):
         return 0
-    return (
-        MAX_PLANNED_CHANGES
-        if segments <= MAX_SEGMENTS_OF_SMALL_JOB
-        else min(MAX_PLANNED_CHANGES, MAX_PLANNED_SEGMENTS // segments)
-    )
+    segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
+    run_time = START_IN_SEGMENTS + RUN_PER_SEGMENT * segments
+    return min(MAX_PLANNED_CHANGES, int(CHANGES_SHARE * run_time / max(segments, 1)))
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:

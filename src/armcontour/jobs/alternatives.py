@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 
@@ -18,9 +19,10 @@ from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.program_tracing import find_starts
+from armcontour.planning.tracing.leaning import leaned_paths
 from armcontour.program import Contour, Program, contour_called
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS, NO_FLOOR
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.body_pairs import can_measure
 
@@ -130,7 +132,19 @@ def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
 
 def _is_checked(job: Job) -> bool:
     """Return whether distances are computed: with a scene, or if shapes of links are known."""
-    return job.scene is not None or (job.arm.knows_shapes and can_measure())
+    scene = job.scene
+    if scene is None:
+        return job.arm.knows_shapes and can_measure()
+    # A scene without obstacles and without a floor requires no shapes of the links.
+    return bool(scene.obstacles) or scene.floor != NO_FLOOR or not _lacks_shapes(job.arm)
+
+
+def _lacks_shapes(arm: Arm) -> bool:
+    """Return whether an arm is described without shapes; missing files are another fault."""
+    try:
+        return arm.shapes is None
+    except InvalidInput:
+        return False
 
 
 def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
@@ -206,6 +220,8 @@ def _other_start(
     bounds = run.limits.for_joints(job.arm.dof)
     # Contours that cannot be traced from a start have the same joint path for all starts.
     fastest: dict[int, JointPath] = {}
+    # A tool that leans has several joint paths from one start.
+    accept = cell.fits if first.orientation is not None and first.orientation.cone > 0.0 else None
     for starts in _starts(job.arm.with_limits(bounds), first):
         best: tuple[float, Tracing | None] = (np.inf, None)
         rests = [Trajectory(laws=(dwell_law(x, 1.0),), method=REST) for x in starts]
@@ -213,7 +229,9 @@ def _other_start(
         for k, q in enumerate(clear):
             progress(Step(("clearance",), k / len(clear)))
             try:
-                tracing = trace_program(program, job.arm, run.limits, seed=q, fastest=fastest)
+                tracing = trace_program(
+                    program, job.arm, run.limits, seed=q, accept=accept, fastest=fastest
+                )
             except ArmContourError:
                 continue
             bound = sum(bound_duration(x, bounds) for x in tracing.joint_paths)
@@ -247,7 +265,8 @@ def _count_clear(traced: Tracing, cell: Cell, enough: float = 0.0) -> float:
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
     """Yield lists of joint positions at the start of a path: configurations, then other rotations.
 
-    The rotations are about a free tool axis; use them if no configuration is collision-free.
+    The rotations are about a free tool axis; use them if no configuration is collision-free. The
+    last list has positions at which the tool leans in its cone.
     """
     try:
         yield find_starts(path, arm)
@@ -264,3 +283,9 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         pose = np.column_stack([rotation @ exp(np.array([0.0, 0.0, angle])), point])
         turned += list(configurations(arm, pose, WHOLE_POSE))
     yield turned
+    if path.orientation.cone > 0.0:
+        leaned: list[FloatArray] = []
+        for other in leaned_paths(path):
+            with suppress(ArmContourError):
+                leaned += find_starts(other, arm)
+        yield leaned

@@ -10,11 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.frames import angle_between
 from armcontour.core.render import number, number_range
 from armcontour.geometry import count_full_stops
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
 from armcontour.planning import Tracing, find_jerk_stops
+from armcontour.planning.tracing.leaning import may_lean
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
 from armcontour.robot import Arm, SerialArm
@@ -194,7 +196,7 @@ def applied_torques(executed: Execution) -> Torques | None:
 
 def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
     """Compute a plan's torques [N m], (n, dof), at times t [s], (n,); at jumps, on one `side`."""
-    return arm.torque(*(plan(t, order, side=side) for order in (0, 1, 2)))
+    return arm.torque(*plan.motion(t, side=side))
 
 
 def angular_speed(execution: Execution) -> FloatArray | None:
@@ -212,3 +214,25 @@ def largest_tilt(arm: Arm, plan: Trajectory) -> float | None:
     laws = [x.trajectory or plan for x in plan.contour_spans]
     positions = (x(np.linspace(0.0, x.duration, QUANTITY_SAMPLES)) for x in laws)
     return max(float(angles_to_gravity(arm, q).max()) for q in positions)
+
+
+def largest_lean(arm: Arm, plan: Trajectory, program: Program) -> float | None:
+    """Return the largest angle of the tool axis to the required one on contours [rad].
+
+    None if the tool has the required axis or orientation: without a cone, and unless a machine with
+    two rotary axes comes near the pole of its head.
+    """
+    if not isinstance(arm, SerialArm):
+        return None
+    moving = arm.without_held()
+    angles = []
+    for contour, span in zip(program.contours, plan.contour_spans, strict=True):
+        orientation = contour.path.orientation
+        if orientation is None or not orientation.axis_only or not may_lean(contour.path, moving):
+            continue
+        law = span.trajectory or plan
+        t = np.linspace(0.0, law.duration, QUANTITY_SAMPLES)
+        s = np.clip(law.s(t), 0.0, contour.path.length)
+        tool_axis = arm.poses(law(t))[:, :, 2]
+        angles.append(float(angle_between(tool_axis, orientation(s)[:, :, 2]).max()))
+    return max(angles, default=None)

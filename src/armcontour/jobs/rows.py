@@ -19,6 +19,7 @@ from armcontour.jobs.plan_quantities import (
     Torques,
     angular_speed,
     applied_torques,
+    largest_lean,
     largest_tilt,
 )
 from armcontour.jobs.run_record import RunRecord
@@ -273,6 +274,10 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     tilt = largest_tilt(result.arm, result.trajectory)
     if tilt is not None:
         yield Row("tilt", tilt, "rad", "tool axis from gravity, largest", "planned, on contours")
+    lean = largest_lean(result.arm, result.trajectory, result.path)
+    if lean is not None:
+        label = "tool axis from the required axis, largest"
+        yield Row("lean", lean, "rad", label, "planned, on contours")
     limit = result.run.limits.joint_torque
     yield from _torque_rows(result.arm, limit, result.torques, "planned")
 

@@ -19,8 +19,9 @@ from armcontour.jobs.rows import shaping_rows
 from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.execution import describe_excess
+from armcontour.planning.tracing.two_axis_head import HEAD_TOLERANCE, has_head_tolerance, head_of
 from armcontour.program import Program, contour_called
-from armcontour.robot import compare_limits
+from armcontour.robot import SerialArm, compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
@@ -93,6 +94,7 @@ def remarks(result: RunRecord) -> Iterator[str]:
     if result.set_points is not None and (used := result.set_points.command_note):
         yield f"set-points / command limits: {used}."
     yield from _describe_shaping(result)
+    yield from _describe_head(result)
     # Stops due to jerk limits are reported by a warning.
     if stops := result.stops_of_path:
         reasons = ", ".join(f"{n} {reason}" for reason, n in stops.items())
@@ -127,6 +129,21 @@ def _describe_shaping(result: RunRecord) -> Iterator[str]:
     if shaping := {x.name: x.note for x in shaping_rows(result.path)}:
         early = describe_unfinished(x.path for x in result.path.contours)
         yield " ".join([f"{shaping['shaping.gain']}.", *map(capitalise, early)])
+
+
+def _describe_head(result: RunRecord) -> Iterator[str]:
+    """Yield the tolerance of the tool axis near the pole of a machine's rotary axes, if used."""
+    arm = result.arm
+    if not isinstance(arm, SerialArm):
+        return
+    head = head_of(arm.without_held())
+    paths = [x.path for x in result.path.contours if x.path.orientation is not None]
+    if head is not None and any(has_head_tolerance(x, head) for x in paths):
+        yield (
+            f"near the pole of the rotary axes, where joint {arm.joint_names[head.first]} is "
+            f"free, the tool axis may be up to {number(HEAD_TOLERANCE, 'rad')} from the required "
+            "axis, so that this joint does not turn far."
+        )
 
 
 def _describe_clearance(result: RunRecord) -> Iterator[str]:

@@ -128,11 +128,16 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
         directions = np.where(distance > 0, from_base / divisor, [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + directions * np.clip(distance, least, largest))
     assert isinstance(arm, SerialArm)
-    from armcontour.robot.inverse_kinematics import REACH_SEEDS, nearest_reached, seeds
+    from armcontour.robot.inverse_kinematics import REACH_SEEDS, TURNED, nearest_reached, seeds
 
-    task = task_dimension(points.paths[0][1], arm)
+    path = points.paths[0][1]
+    task = task_dimension(path, arm)
     start_positions = seeds(arm)
-    poses = np.concatenate([points.rotations, goals[:, :, None]], axis=2)
+    rotations = points.rotations
+    if task == TURNED and arm.tool_turning is not None:
+        free = path.orientation is not None and path.orientation.axis_only
+        rotations = arm.tool_turning.nearest(rotations, axis_only=free)
+    poses = np.concatenate([rotations, goals[:, :, None]], axis=2)
     positions = np.empty((len(poses), arm.dof))
     for i in range(len(poses)):
         positions[i] = nearest_reached(arm, poses[i], task, start_positions[:FEW_SEEDS])

@@ -172,12 +172,13 @@ class JointPath(Checked):
             )
         else:
             parameters = checks.check_numbers("spline parameters", s)
-        if parameters.shape != (len(knots),) or not _increase(parameters):
+        coefficients = np.zeros((len(knots) - 1, 6, knots.shape[1]))
+        points = np.ascontiguousarray(knots)
+        fits = parameters.shape == (len(knots),)
+        if not (fits and spline_pieces(parameters, points, clamped, REPEATED, coefficients)):
             raise InvalidInput(
                 "Spline parameters must be one per point and increase. Remove repeated points."
             )
-        coefficients = np.zeros((len(knots) - 1, 6, knots.shape[1]))
-        spline_pieces(parameters, np.ascontiguousarray(knots), clamped, coefficients)
         # The shapes are right, so only the pieces are examined.
         spline = checks.make_unchecked(
             cls, breaks=parameters, coefficients=coefficients, stops=NO_STOPS, tool_path=None
@@ -272,10 +273,3 @@ class JointPath(Checked):
         joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))
         return q, first, second
-
-
-def _increase(parameters: FloatArray) -> bool:
-    """Return whether parameters of a spline increase by more than rounding errors."""
-    # If they increase, the largest is at an end.
-    shortest = REPEATED * max(abs(parameters[0]), abs(parameters[-1]))
-    return bool((parameters[1:] - parameters[:-1] > shortest).all())

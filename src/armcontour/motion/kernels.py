@@ -50,7 +50,7 @@ def interval_times(
     return times
 
 
-@compiled()
+@compiled(inner=True)
 def write_law(
     s: FloatArray,  # Arc lengths at the breaks [m], (n + 1,)
     x: FloatArray,  # ds² at the breaks [m²/s²], (n + 1,)
@@ -123,20 +123,28 @@ def examine_pieces(
 
 @compiled()
 def spline_pieces(
-    knots: FloatArray, points: FloatArray, clamped: bool, coefficients: FloatArray
-) -> None:
+    knots: FloatArray, points: FloatArray, clamped: bool, repeated: float, coefficients: FloatArray
+) -> bool:
     """Write the cubic spline through points as coefficients of a `JointPath`, (n, 6, dof).
+
+    Returns false, and writes nothing, if the parameters of the points do not increase.
 
     The second derivatives solve a diagonally dominant tridiagonal system by forward elimination and
     back substitution.
 
-    - `knots`: increasing parameters of the points, (n + 1,).
+    - `knots`: parameters of the points, (n + 1,).
     - `points`: the points, (n + 1, dof).
     - `clamped`: true if the slopes at both ends are zero; otherwise the second derivatives are
       zero.
+    - `repeated`: differences of parameters up to this fraction of the largest are rounding errors.
     - `coefficients`: output, initially zero.
     """
     n = len(knots) - 1
+    # If they increase, the largest is at an end.
+    shortest = repeated * max(abs(knots[0]), abs(knots[n]))
+    for i in range(n):
+        if not knots[i + 1] - knots[i] > shortest:
+            return False
     dof = points.shape[1]
     second = np.zeros((n + 1, dof))
     diagonal = np.empty(n + 1)
@@ -166,6 +174,7 @@ def spline_pieces(
             coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
             coefficients[i, 2, j] = start / 2 * width**2
             coefficients[i, 3, j] = (end - start) / 6 * width**2
+    return True
 
 
 class JointDerivatives(NamedTuple):

@@ -20,7 +20,6 @@ from armcontour.motion.kernels import (
     interval_times,
     joint_motions,
     path_motions,
-    write_law,
 )
 
 
@@ -237,41 +236,22 @@ class PathLaw(LawAlongPath):
         object.__setattr__(self, "rates", Rates(*rates))
 
     @classmethod
-    def from_squares(
-        cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
+    def from_plan(
+        cls, joint_path: JointPath, breaks: FloatArray, s: FloatArray, rates: Rates
     ) -> PathLaw:
-        """Make the law from squared path speeds ds².
+        """Make the law of a plan whose path acceleration is linear in s on every interval.
+
+        The arrays are not checked or copied, and become read-only.
 
         Args:
             joint_path: The joint path.
-            s: Arc lengths at the breaks [m], (n + 1,).
-            x: ds² at the breaks [m²/s²], (n + 1,).
-            slope: Slopes of dds over s on every interval [1/s²], (n,). The array is not copied, and
-                becomes read-only.
-
-        Raises:
-            InvalidInput: The path speed is zero at two neighbouring breaks. The error has the index
-                of the interval.
+            breaks: Increasing times at the ends of the intervals [s], from 0, (n + 1,).
+            s: Arc lengths at these times [m], (n + 1,).
+            rates: Derivatives of s at the starts of the intervals.
         """
-        n = len(slope)
-        breaks = np.empty(n + 1)
-        ds = np.empty(n)
-        dds = np.empty(n)
-        stuck = write_law(s, x, checks.kernel_array(slope), breaks, ds, dds)
-        if stuck >= 0:
-            raise InvalidInput(
-                f"The path speed is zero at both ends of the interval from s = {s[stuck]:g} to "
-                f"{s[stuck + 1]:g} m, so a law would be at rest there.",
-                index=stuck,
-            )
-        # Zeros of a new array take no memory until they are written.
-        rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
         for values in rates:
             values.setflags(write=False)
-        # The breaks increase, because every interval takes time.
-        return checks.make_unchecked(
-            cls, joint_path=joint_path, breaks=breaks, s=checks.frozen_array(s), rates=rates
-        )
+        return checks.make_unchecked(cls, joint_path=joint_path, breaks=breaks, s=s, rates=rates)
 
     @classmethod
     def over_time(cls, joint_path: JointPath) -> PathLaw:

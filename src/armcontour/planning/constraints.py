@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -38,6 +38,7 @@ from armcontour.planning.topp.limit_forms import (
     combine_forms,
 )
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.planning.topp.tool_curvature import speed_and_acceleration, write_chords
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
 from armcontour.robot.limits import LIMITS, TOOL_LIMITS, WITHOUT_CONSTRAINT
@@ -382,9 +383,12 @@ class JointMotion(Constraint):
         # `velocity`: lower (negative) and upper bounds [rad/s], (dof,) each, infinite for a joint
         # without a limit; None without velocity limits. `acceleration`: the same for accelerations
         # [rad/s²].
-        none = np.empty((2, 0))
-        self.velocity = none if velocity is None else np.array(velocity)
-        self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
+        none = np.empty(0), np.empty(0)
+        slowest, fastest = none if velocity is None else velocity
+        self.velocity = kernel_array(slowest), kernel_array(fastest)
+        low, high = none if acceleration is None else acceleration
+        self.low = kernel_array(low)
+        self.high = kernel_array(high)
 
     @classmethod
     def from_limits(cls, joint_path: JointPath, arm: Arm, limits: Limits) -> JointMotion | None:
@@ -417,8 +421,7 @@ class JointMotion(Constraint):
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Return the bounds of velocities and accelerations; the planner converts them to rows."""
         dof = path.grid.joint_path.dof
-        inverses = 1 / self.velocity**2
-        return (JointBounds.from_limits(dof, self.low, self.high, *inverses),)
+        return (JointBounds.from_limits(dof, (self.low, self.high), self.velocity),)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
         """Return the rows of the acceleration g = q' u + q'' x of each joint, with their rise.
@@ -486,41 +489,30 @@ class ToolMetric:
 
     def _chords_on(self, grid: Grid) -> FloatArray:
         """Return curvatures at interval ends [1/m], (2, n), whose chord is an upper bound."""
-        # If the curvature varies, the values at both ends are multiplied by 1 plus twice the
-        # largest relative excess of the samples inside over the chord of these values.
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
         i = np.flatnonzero(self.uneven[grid.piece])
         if len(i):
-            s = grid.s[i] + INTERVAL_SAMPLES * grid.width[i]
-            pieces = np.broadcast_to(grid.piece[i], s.shape)
-            values = _measure(self.joint_path, self.arm, pieces, s)[1]
-            begin = np.maximum(values[0], STRAIGHT_CURVATURE)
-            end = np.maximum(values[-1], STRAIGHT_CURVATURE)
-            on_chord = begin + INTERVAL_SAMPLES[1:-1] * (end - begin)
-            excess = np.maximum(values[1:-1] / on_chord - 1, 0.0).max(axis=0)
-            chords[:, i] = np.stack([begin, end]) * (1 + 2 * excess)
+            # The end of an interval is the start of the next one on the same piece.
+            piece = grid.piece[i]
+            alone = np.append((np.diff(i) != 1) | (piece[1:] != piece[:-1]), True)
+            s = grid.s[i] + INTERVAL_SAMPLES[:-1] * grid.width[i]
+            places = np.append(s.ravel(), grid.s[i[alone] + 1])
+            pieces = np.append(np.tile(piece, len(s)), piece[alone])
+            _, values = _measure(self.joint_path, self.arm, pieces, places)
+            sampled = np.empty((2, len(i)))
+            inside = values[: s.size].reshape(s.shape)
+            write_chords(inside, values[s.size :], alone, STRAIGHT_CURVATURE, sampled)
+            chords[:, i] = sampled
         return chords
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
     """Return tool speed [-] and normal tool acceleration [1/m] at ds = 1, (2, *s.shape)."""
-    speed, _, across = _speed_and_acceleration(
+    speed, _, across = speed_and_acceleration(
         *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
     )
     return np.stack([speed, across]).reshape(2, *s.shape)
-
-
-def _speed_and_acceleration(
-    velocity: FloatArray, acceleration: FloatArray
-) -> tuple[FloatArray, ...]:
-    """Return the speeds, and the accelerations along and normal to the motion, (n,) each."""
-    speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    # If the tool rests, the whole acceleration counts as normal.
-    direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
-    along = np.einsum("ij,ij->i", acceleration, direction)
-    across = acceleration - along[:, None] * direction
-    return speed, along, np.sqrt(np.einsum("ij,ij->i", across, across))
 
 
 def _refuse_tool_limits(limits: Limits) -> None:
@@ -634,7 +626,7 @@ class ToolAcceleration(ToolConstraint):
 
         In this frame, the vectors are constant along a circle.
         """
-        speed, along, across = _speed_and_acceleration(*self.arm.tool_motion(*path.motion))
+        speed, along, across = speed_and_acceleration(*self.arm.tool_motion(*path.motion))
         first = np.stack([speed, 0 * speed], axis=1)
         second = np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
@@ -696,21 +688,26 @@ def constraints_of(
     return [x for x in constraints if x is not None]
 
 
+@lru_cache(maxsize=16)
+def _unserved(kinds: tuple[type[Constraint], ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of the limits that no constraint of these kinds keeps."""
+    served = {name for kind in kinds for name in kind.serves}
+    return tuple(x for x in names if x not in served and x not in WITHOUT_CONSTRAINT)
+
+
 def _refuse_unserved(
     joint_path: JointPath, limits: Limits, kinds: Sequence[type[Constraint]]
 ) -> None:
     """Raise InvalidInput for a limit that the plan would ignore."""
-    served = {name for kind in kinds for name in kind.serves}
-    for name in LIMITS:
-        if name in served or name in WITHOUT_CONSTRAINT:
-            continue
+    unserved = _unserved(tuple(kinds), tuple(LIMITS))
+    for name in unserved:
         if getattr(limits, name) is not None:
             raise InvalidInput(
                 f"{name} is limited, but no constraint in from_limits serves it, so the plan would "
                 "exceed it. Add its constraint to from_limits, or remove the limit with "
                 f"limits.replace({name}=math.inf)."
             )
-    if "speed" not in served and np.isfinite(assigned_speeds(joint_path, limits)).any():
+    if "speed" in unserved and np.isfinite(assigned_speeds(joint_path, limits)).any():
         raise InvalidInput(
             "A segment of the path has an assigned velocity, but no constraint in from_limits "
             "serves speed, so the plan would exceed it. Add ToolPace to from_limits, or plan a "

@@ -9,6 +9,7 @@ a parabola, which the joints pass at their full acceleration.
 
 from __future__ import annotations
 
+import math
 from math import comb
 
 import numpy as np
@@ -56,8 +57,10 @@ def replace_uneven_parameter(grid: Grid) -> JointPath | None:
     path = grid.joint_path
     if path.tool_path is not None:
         return None
-    straight, directions = find_straight(path.coefficients)
-    if not straight.any():
+    pieces = len(path.coefficients)
+    straight = np.empty(pieces, dtype=np.bool_)
+    directions = np.empty((pieces, path.dof))
+    if not mark_straight(path.coefficients, straight, directions):
         return None
     along = np.einsum("nkj,nj->nk", path.coefficients, directions)
     along[:, 0] = 0.0
@@ -70,20 +73,48 @@ def replace_uneven_parameter(grid: Grid) -> JointPath | None:
     return _replace_lines(path, straight, directions, same == 0.0)
 
 
-def find_straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Find the pieces that move along a line in joint space: mask, (n,), and directions, (n, dof).
+@compiled()
+def mark_straight(c: FloatArray, straight: BoolArray, directions: FloatArray) -> bool:
+    """Mark the pieces that move along a line in joint space; return whether there are any.
 
-    `c` are the coefficients of the pieces, (n, 6, dof).
+    - `c`: coefficients of the pieces, (n, 6, dof).
+    - `straight`: output, mask of the straight pieces, (n,).
+    - `directions`: output, unit vectors of the largest coefficients, (n, dof).
     """
-    size = np.sqrt(np.einsum("nkj,nkj->nk", c[:, 1:], c[:, 1:]))
-    k = size.argmax(axis=1)
-    row = np.arange(len(c))
-    largest = size[row, k]
-    line = c[row, 1 + k] / np.where(largest > 0, largest, 1.0)[:, None]
-    along = np.einsum("nkj,nj->nk", c[:, 1:], line)
-    deviation = np.abs(c[:, 1:] - along[..., None] * line[:, None]).max(axis=(1, 2))
-    allowed = LINE_ROUNDING * (1 + np.abs(c[:, 0]).max(axis=1)) + STRAIGHT_DEVIATION * largest
-    return (deviation <= allowed) & (largest > 0), line
+    any_straight = False
+    for i in range(c.shape[0]):
+        straight[i] = _is_straight(c[i], directions[i])
+        any_straight |= straight[i]
+    return any_straight
+
+
+@compiled(inner=True)
+def _is_straight(c: FloatArray, direction: FloatArray) -> bool:
+    """Return whether a piece, (6, dof), moves along a line, and write its direction, (dof,)."""
+    dof = c.shape[1]
+    largest = 0.0
+    longest = 1
+    for k in range(1, 6):
+        square = 0.0
+        for j in range(dof):
+            square += c[k, j] * c[k, j]
+        if square > largest:
+            largest = square
+            longest = k
+    largest = math.sqrt(largest)
+    farthest = 0.0
+    for j in range(dof):
+        direction[j] = c[longest, j] / largest if largest > 0.0 else 0.0
+        farthest = max(farthest, abs(c[0, j]))
+    allowed = LINE_ROUNDING * (1 + farthest) + STRAIGHT_DEVIATION * largest
+    deviation = 0.0
+    for k in range(1, 6):
+        along = 0.0
+        for j in range(dof):
+            along += c[k, j] * direction[j]
+        for j in range(dof):
+            deviation = max(deviation, abs(c[k, j] - along * direction[j]))
+    return deviation <= allowed and largest > 0.0
 
 
 @compiled(inner=True)

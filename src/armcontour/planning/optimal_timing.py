@@ -25,6 +25,7 @@ from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
 from armcontour.core.render import number
 from armcontour.core.text import show
 from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.motion.laws import Rates
 from armcontour.planning.constraints import FROM_LIMITS, Constraint, constraints_of, limits_on
 from armcontour.planning.even_parameter import replace_uneven_parameter
 from armcontour.planning.law_checks import raise_too_fast
@@ -33,7 +34,7 @@ from armcontour.planning.path_grid import (
     VANISHED,
     Grid,
     place_grid,
-    resting_breaks,
+    rests_at_ends,
     split,
 )
 from armcontour.planning.timing_options import (
@@ -45,20 +46,18 @@ from armcontour.planning.timing_options import (
 )
 from armcontour.planning.topp.grid_plan import GridPlan, plan_on_grid
 from armcontour.planning.topp.limit_forms import GridLimits
-from armcontour.planning.topp.plan_losses import estimate_losses
 from armcontour.planning.topp.plan_rules import END, FINER, FOUND, START, STUCK, Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit.
+# A grid that fails is refined where the margin for maxima inside intervals exceeds this share of a
+# limit.
 LARGEST_MARGIN = 3e-3
-# Share of a limit that replaces LARGEST_MARGIN on a first grid with fewer intervals than COARSE, to
-# save time.
-FIRST_MARGIN = 1e-2
-# Number of intervals of a first grid from which LARGEST_MARGIN applies instead of FIRST_MARGIN.
-COARSE = 500
+# Share of a limit that margins may take on the first grid. The time that they cost is part of the
+# estimated loss of time.
+FIRST_MARGIN = 2e-2
 # The share of a limit that margins may take grows by this factor with each refinement, because a
 # finer grid is expensive with thousands of corners.
 MARGIN_GROWTH = 2.0
@@ -66,12 +65,24 @@ MARGIN_GROWTH = 2.0
 LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
 MAX_REFINEMENTS = 20
-# The grid is also refined while the estimated loss of time exceeds this share of the duration. This
-# is the share for DEFAULT_INTERVALS; it is smaller if more intervals are requested. The estimate is
-# accurate within a factor of about three.
-LARGEST_LOSS = 1e-4
+# The default grid is also refined while the estimated loss of time exceeds this share of the
+# duration. Shaping needs this accuracy, because it compares candidates by their durations. The
+# median of the estimate is twice the loss, on 200 to 20,000 intervals.
+LARGEST_LOSS = 3e-5
+# The same share for a grid of a requested number of intervals, multiplied by this number: it is
+# 1e-4 for 4000 intervals.
+LARGEST_LOSS_OF_ONE_INTERVAL = 0.4
+# Largest number of intervals of the plan from which the search with limits of jerk starts, unless
+# this many for each piece of the joint path are more.
+INTERVALS_BEFORE_JERK = 1000
+INTERVALS_OF_PIECE_BEFORE_JERK = 4
 # Largest number of parts into which a refinement for loss divides an interval.
-MAX_PARTS_AT_ONCE = 8
+MAX_PARTS_AT_ONCE = 16
+# Largest number of steps in which the numbers of parts are found.
+PART_SEARCHES = 8
+# A refinement aims at this fraction of the largest loss, so that it is not repeated for a loss that
+# is slightly too large.
+LOSS_TARGET = 0.55
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
@@ -142,7 +153,7 @@ class Optimal(PlanOptions):
 
     def _check_together(self) -> None:
         """Check the kinds of constraints, and that a given duration has no speeds at the ends."""
-        for kind in self.from_limits:
+        for kind in self.from_limits if self.from_limits is not FROM_LIMITS else ():
             if not (isinstance(kind, type) and issubclass(kind, Constraint) and kind.serves):
                 raise InvalidInput(
                     "from_limits must contain subclasses of Constraint whose `serves` names fields "
@@ -201,6 +212,13 @@ def plan_optimal(
     - `options`: number of intervals, speeds at the ends, and constraints.
     """
     intervals = options.intervals
+    loss = LARGEST_LOSS if intervals is None else LARGEST_LOSS_OF_ONE_INTERVAL / intervals
+    if limits.limits_jerk:
+        # This plan is only where the search with limits of jerk starts.
+        pieces = len(joint_path.breaks) - 1
+        fewest = max(INTERVALS_BEFORE_JERK, INTERVALS_OF_PIECE_BEFORE_JERK * pieces)
+        intervals = min(fewest, intervals or fewest)
+        loss = math.inf
     grid = place_grid(joint_path, intervals)
     # Speeds at the ends and constraints of the caller refer to the given parameter.
     if not (options.start_speed or options.end_speed or options.constraints):
@@ -208,22 +226,21 @@ def plan_optimal(
         if even is not None:
             joint_path = even
             grid = place_grid(joint_path, intervals)
-    loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
     made = constraints_of(joint_path, arm, limits, options.from_limits)
     active = [*made, *options.constraints]
-    jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
     ends = options.start_speed, options.end_speed
-    if any(ends) and np.isfinite(jerk).any():
+    if any(ends) and limits.limits_jerk:
         raise InvalidInput(
             "start_speed and end_speed are not supported with limits of jerk, with which a motion "
             "starts and ends at rest. Remove them, or remove joint_jerk."
         )
     law = time_optimal(grid, active, arm, *ends, loss)
-    if np.isfinite(jerk).any():
+    if limits.limits_jerk:
         # Imported on demand, because most plans have no limits of jerk.
         from armcontour.planning.jerk.limiter import limit_jerk
 
-        law = limit_jerk(law, Task(tuple(active), jerk, intervals, options.iterations))
+        jerk = np.broadcast_to(or_unlimited(limits.joint_jerk, joint_path.dof), (joint_path.dof,))
+        law = limit_jerk(law, Task(tuple(active), jerk, options.intervals, options.iterations))
     return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
 
 
@@ -237,11 +254,11 @@ def time_optimal(
 ) -> PathLaw:
     """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # At an end at which dq_ds vanishes, the joints rest at any ds.
-    rests = resting_breaks(grid.joint_path.coefficients, VANISHED)
-    start = np.inf if start_speed == 0 and rests[0] else start_speed**2
-    end = np.inf if end_speed == 0 and rests[-1] else end_speed**2
-    max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
-    rules = Rules(float(start), float(end), max_margin)
+    rests = rests_at_ends(grid.joint_path.coefficients, VANISHED)
+    start = math.inf if start_speed == 0 and rests[0] else start_speed**2
+    end = math.inf if end_speed == 0 and rests[1] else end_speed**2
+    max_margin = FIRST_MARGIN
+    rules = Rules(start, end, max_margin, estimates_loss=largest_loss < math.inf)
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
@@ -250,25 +267,26 @@ def time_optimal(
         path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
-        if grid_plan.outcome == FOUND:
-            if largest_loss == math.inf:
-                return _make_law(grid, grid_plan)
-            duration, loss, points = estimate_losses(path.intervals, limits, grid_plan)
+        if grid_plan.outcome == FOUND and grid_plan.resting < 0:
+            duration = grid_plan.duration
             gained = shortest - duration
             if duration < shortest:
                 best = (grid, grid_plan)
                 shortest = duration
-            if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
+            max_loss = largest_loss * duration
+            if grid_plan.lost_time <= max_loss or gained < max_loss / 4:
                 break
-            parts = _parts_by_loss(loss, largest_loss * duration)
+            parts = _parts_by_loss(grid_plan.loss, LOSS_TARGET * max_loss)
             if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2:
                 break
-            grid = split(grid, parts, points)
+            grid = split(grid, parts, grid_plan.point)
             continue
+        if grid_plan.outcome != FINER and best is not None:
+            break
+        if grid_plan.outcome == FOUND:
+            _refuse_stuck(grid, grid_plan.resting)
         s = float(grid.s[grid_plan.interval])
         if grid_plan.outcome != FINER:
-            if best is not None:
-                break
             _refuse(grid, grid_plan, arm, rules)
         most = max(_affordable_intervals(limits), 2 * first)
         parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
@@ -303,8 +321,20 @@ def _affordable_intervals(limits: GridLimits) -> int:
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
-    """Choose how many parts each interval needs for a total loss of at most `max_loss`."""
-    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
+    """Choose how many parts each interval needs for a total loss of at most `max_loss`.
+
+    With p parts, an interval keeps 1 / p² of its loss. The fewest parts with a given total loss are
+    in proportion to the cube root of the loss, apart from rounding to whole numbers.
+    """
+    loss = np.nan_to_num(loss)
+    roots = np.cbrt(loss)
+    scale = math.sqrt(roots.sum() / max_loss)
+    for _ in range(PART_SEARCHES):
+        parts = np.clip(np.rint(scale * roots), 1.0, MAX_PARTS_AT_ONCE)
+        remaining = float((loss / parts**2).sum())
+        if remaining <= max_loss:
+            break
+        scale *= math.sqrt(remaining / max_loss)
     return _round_parts(parts, max(MAX_REFINED, len(loss)))
 
 
@@ -328,14 +358,11 @@ def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
     return limits._replace(ceiling=ceiling)
 
 
-def _make_law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
+def _make_law(grid: Grid, plan: GridPlan) -> PathLaw:
     """Make the time law of a grid plan, with path acceleration linear in s on every interval."""
-    try:
-        return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
-    except InvalidInput as error:
-        if error.index is None:
-            raise
-        _refuse_stuck(grid, error.index)
+    # Zeros of a new array take no memory until they are written.
+    rates = Rates(ds=plan.ds, dds=plan.dds, slope=plan.k, jerk=np.zeros(len(plan.k)))
+    return PathLaw.from_plan(grid.joint_path, plan.breaks, grid.s, rates)
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray, make_unchecked
+from armcontour.core.checks import FloatArray, Frozen, IntArray, make_unchecked
 from armcontour.core.errors import InvalidInput
 from armcontour.core.kernel_cache import compiled
 from armcontour.motion import JointPath
@@ -56,32 +56,24 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
     if intervals is not None:
         count = intervals
-    width = breaks[1:] - breaks[:-1]
-    turning = turning_rates(breaks, joint_path.coefficients, RESTING_SLOPE)
-    if not len(turning):
+    per_piece = count_intervals(breaks, joint_path.coefficients, count)
+    if not len(per_piece):
         raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
-    turn = width * turning
-    share = EVEN_SHARE * width / width.sum()
-    turns = turn.sum()
-    if turns > 0:
-        share += (1 - EVEN_SHARE) * turn / turns
-    per_piece = np.maximum(FEWEST_PER_PIECE, np.round(share / share.sum() * count))
-    return _make_grid(joint_path, *divide_intervals(breaks, per_piece.astype(np.intp)))
+    return _make_grid(joint_path, *divide_intervals(breaks, per_piece))
 
 
 def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
     """Split the intervals of a grid; returns the finer grid.
 
     - `parts`: number of equal parts of each interval, (n,).
-    - `points`: if given, an interval with more than one part is split in two at its point [m],
-      (n,), if the point lies inside the interval.
+    - `points`: if given, an interval with two parts is split at its point [m], (n,), if the point
+      lies inside the interval.
     """
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
         s, interval = divide_intervals(grid.s, parts)
         return _make_grid(grid.joint_path, s, grid.piece[interval])
-    inside = (parts > 1) & (points > grid.s[:-1]) & (points < grid.s[1:])
-    parts[inside] = 2
+    inside = (parts == 2) & (points > grid.s[:-1]) & (points < grid.s[1:])
     s, interval = divide_intervals(grid.s, parts)
     s[(np.cumsum(parts) - 1)[inside]] = points[inside]
     return _make_grid(grid.joint_path, s, grid.piece[interval])
@@ -92,8 +84,8 @@ def _make_grid(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
     return make_unchecked(Grid, joint_path=joint_path, s=s, piece=piece)
 
 
-@compiled()
-def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
+@compiled(inner=True, allocates=True)
+def _turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
     """Return the mean rate at which each piece turns in joint space [1/m], (pieces,).
 
     Returns the mean of |d2q_ds2| / |dq_ds| at both ends and the middle of each piece; an empty
@@ -150,6 +142,38 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 
 
 @compiled()
+def count_intervals(breaks: FloatArray, coefficients: FloatArray, count: int) -> IntArray:
+    """Return the number of intervals of each piece, (pieces,); empty if no joint moves.
+
+    - `breaks`: breaks of the joint path [m], (pieces + 1,).
+    - `coefficients`: coefficients of its pieces [rad], (pieces, 6, dof).
+    - `count`: approximate number of all intervals.
+    """
+    n = len(breaks) - 1
+    turning = _turning_rates(breaks, coefficients, RESTING_SLOPE)
+    if len(turning) == 0:
+        return np.empty(0, np.intp)
+    length = 0.0
+    turns = 0.0
+    for i in range(n):
+        width = breaks[i + 1] - breaks[i]
+        length += width
+        turns += width * turning[i]
+    shares = np.empty(n)
+    total = 0.0
+    for i in range(n):
+        width = breaks[i + 1] - breaks[i]
+        shares[i] = EVEN_SHARE * width / length
+        if turns > 0.0:
+            shares[i] += (1 - EVEN_SHARE) * width * turning[i] / turns
+        total += shares[i]
+    counts = np.empty(n, np.intp)
+    for i in range(n):
+        counts[i] = max(FEWEST_PER_PIECE, round(shares[i] / total * count))
+    return counts
+
+
+@compiled()
 def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
     """Divide intervals into equal parts.
 
@@ -175,31 +199,32 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
 
 
 @compiled()
-def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
-    """Return the mask of breaks at which dq_ds is zero, so joints rest at any ds, (n + 1,).
+def rests_at_ends(coefficients: FloatArray, vanished: float) -> tuple[bool, bool]:
+    """Return whether dq_ds is zero at the start and the end, so that joints rest there at any ds.
 
     - `coefficients`: coefficients of the joint path, (n, 6, dof).
     - `vanished`: dq_ds counts as zero below this fraction of the sum of its terms.
     """
-    n = coefficients.shape[0]
-    dof = coefficients.shape[2]
-    resting = np.empty(n + 1, np.bool_)
-    for i in range(n + 1):
-        resting[i] = True
-    for i in range(n):
-        sizes = 0.0
+    start, _ = _resting_ends(coefficients[0], vanished)
+    _, end = _resting_ends(coefficients[-1], vanished)
+    return start, end
+
+
+@compiled(inner=True)
+def _resting_ends(piece: FloatArray, vanished: float) -> tuple[bool, bool]:
+    """Return whether dq_ds is zero at the start and the end of a piece, (6, dof)."""
+    sizes = 0.0
+    for k in range(1, 6):
+        square = 0.0
+        for j in range(piece.shape[1]):
+            square += (k * piece[k, j]) ** 2
+        sizes += math.sqrt(square)
+    start = 0.0
+    end = 0.0
+    for j in range(piece.shape[1]):
+        slope = 0.0
         for k in range(1, 6):
-            square = 0.0
-            for j in range(dof):
-                square += (k * coefficients[i, k, j]) ** 2
-            sizes += math.sqrt(square)
-        start = end = 0.0
-        for j in range(dof):
-            slope = 0.0
-            for k in range(1, 6):
-                slope += k * coefficients[i, k, j]
-            start += coefficients[i, 1, j] ** 2
-            end += slope**2
-        resting[i] &= math.sqrt(start) <= vanished * sizes
-        resting[i + 1] &= math.sqrt(end) <= vanished * sizes
-    return resting
+            slope += k * piece[k, j]
+        start += piece[1, j] ** 2
+        end += slope**2
+    return math.sqrt(start) <= vanished * sizes, math.sqrt(end) <= vanished * sizes

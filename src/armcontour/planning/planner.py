@@ -156,6 +156,9 @@ def _warn_of_stops(trajectory: Trajectory) -> None:
         )
 
 
+NO_LIMITS = Limits()
+
+
 class _JointSpace(Arm):
     """Arm without kinematics and masses, to time a joint path that has no tool path."""
 
@@ -163,8 +166,18 @@ class _JointSpace(Arm):
     dimension = 0
 
     def __init__(self, dof: int, limits: Limits) -> None:
-        self.joint_names = tuple(f"joint {k + 1}" for k in range(dof))
+        self._dof = dof
         self.limits = limits
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return self._dof
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the joints, by their numbers."""
+        return tuple(f"joint {k + 1}" for k in range(self._dof))
 
     def _refuse(self, *states: Any, **named: Any) -> Any:
         raise InvalidInput(
@@ -184,7 +197,7 @@ def _require_arm(
 ) -> Arm:
     """Return the arm, or a `_JointSpace` for a joint path without a tool path."""
     if arm is None and limits and isinstance(path, JointPath) and path.tool_path is None:
-        return _JointSpace(path.dof, Limits())
+        return _JointSpace(path.dof, NO_LIMITS)
     if arm is None:
         raise InvalidInput(
             "plan needs an Arm, such as load_arm('ur5e'). Only a joint path without a tool path "
@@ -230,6 +243,7 @@ def _check_traced(
             f"This path is already traced, so {specified} cannot change it. Pass {specified} to "
             "trace instead."
         )
+    has_ranges = limits.joint_lower is not None or limits.joint_upper is not None
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for step in steps:
         if step.joint_path is None:
@@ -239,8 +253,9 @@ def _check_traced(
                 f"The joint path has {step.joint_path.dof} joints, but the arm {arm.name} has "
                 f"{arm.dof}. Plan the joint path with its own arm."
             )
-        with step.named():
-            check_joint_range(step.joint_path, limits, arm)
+        if has_ranges:
+            with step.named():
+                check_joint_range(step.joint_path, limits, arm)
     if isinstance(path, JointPath) and path.tool_path is not None:
         return Tracing.along(path, path.tool_path)
     return path

@@ -21,6 +21,13 @@ from armcontour.geometry.path import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
+from armcontour.planning.still_rapids import (
+    find_gap,
+    rapids_to_contour,
+    trace_across,
+    trace_away,
+    trace_towards,
+)
 from armcontour.planning.tracing import (
     Candidate,
     is_redundant,
@@ -31,6 +38,8 @@ from armcontour.planning.tracing import (
     trace_rest,
     trace_to,
 )
+from armcontour.planning.tracing.joint_ranges import turn_by
+from armcontour.planning.tracing.leaning import may_lean
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.robot.arm import unit_of
@@ -41,6 +50,8 @@ SAME_JOINT_POSITION = 1e-9
 SAME_VERTEX = 1e-12
 # Options of the coarse plans by which configurations are compared
 COARSE_PLAN = Optimal(intervals=400)
+# Options of the plans for an arm that prefers the fastest joint path
+FINE_PLAN = Optimal()
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MAX_PLANNED_PIECES = 8_000
 # On paths of more segments than this, configurations are compared on parts of the path.
@@ -269,6 +280,8 @@ class _Tracer:
     # closed; None for the place right before this path.
     rapid_step: int | None = None
     done: int = 0  # Number of traced contours
+    # Joint paths of later moves that are already traced, by the index of the move
+    ahead: dict[int, JointPath] = field(default_factory=dict)
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
@@ -279,7 +292,7 @@ class _Tracer:
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
             with TracedMove(move=i, called=called).named():
-                known = self.known.get(self.done)
+                known = self.known.get(self.done, self.ahead.get(i))
                 self._append(i, self._trace(move.path, i) if known is None else known, called)
             self.done += 1
         elif not isinstance(move, Rapid):
@@ -299,6 +312,11 @@ class _Tracer:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
         with error_context(called):
+            if self.arm.chain.still:
+                if i not in self.ahead:
+                    self._trace_ahead(i, lambda x: turn_along(x, before, after))
+                self._append(i, self.ahead[i], called)
+                return
             if self.done == 0 and 0 in self.known:
                 start = ends_of(self.known[0])[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
@@ -337,15 +355,58 @@ class _Tracer:
         if end is None:
             return self._fastest(path, i, self.seed)
         try:
-            return trace(path, self.arm, **configuration_of(self.arm, end))
+            return self._continue(path, i, end)
         except Unreachable as error:
             if self.start is not None and not self.done:
                 raise error.with_location(IN_START_CONFIGURATION) from None
             if not self.looks_ahead:
-                return self._fastest(path, i)
+                return _without_unwinding(self._fastest(path, i), self.arm, end)
             if i not in self.fastest:
                 self.fastest[i] = self._fastest(path, i)
-            return self.fastest[i]
+            return _without_unwinding(self.fastest[i], self.arm, end)
+
+    def _continue(self, path: Path, i: int, q: FloatArray) -> JointPath:
+        """Trace the path of a move in the configuration at joint positions q [rad], (dof,)."""
+        orientation = path.orientation
+        if orientation is not None and orientation.cone > 0.0:
+            # The tool may lean in several ways, which differ in duration and clearance.
+            return self._fastest(path, i, q)
+        return trace(path, self.arm, **configuration_of(self.arm, q))
+
+    def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
+        """Trace the rapids from move i to the next contour, and this contour.
+
+        Joints that are still within contours move between them: on a joint motion without a path,
+        or else along the last rapid before the contour.
+
+        - `turn`: adds the orientation to the path of a rapid.
+        """
+        moves = self.program.moves
+        arm = self.arm
+        assert isinstance(arm, SerialArm)
+        rapids, k = rapids_to_contour(moves, i)
+        paths = [turn(x) for x in rapids.values()]
+        end = self._end
+        if k is None:
+            assert end is not None
+            self.ahead |= zip(rapids, trace_away(paths, arm, end), strict=True)
+            return
+        contour = moves[k]
+        assert isinstance(contour, Contour)
+        known = self.known.get(self.done)
+        self.ahead[k] = self._trace(contour.path, k) if known is None else known
+        start = ends_of(self.ahead[k])[0]
+        before = None if end is None or self.last is None else self.last.tool_path
+        gap = find_gap(moves, i, k, before)
+        if gap is not None:
+            count = sum(x < gap for x in rapids)
+            joint_paths = trace_away(paths[:count], arm, start if end is None else end)
+            joint_paths += trace_towards(paths[count:], arm, start)
+            self.ahead |= zip(rapids, joint_paths, strict=True)
+            return
+        assert end is not None
+        joint_paths = trace_across([*paths, contour.path], arm, end, start)
+        self.ahead |= zip([*rapids, k], joint_paths, strict=True)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace the first rapid, move i, so that it ends in the contour's fastest configuration."""
@@ -388,7 +449,13 @@ class _Tracer:
         """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(
-            self, steps=[], last=joint_path, rapid_step=None, done=done, looks_ahead=False
+            self,
+            steps=[],
+            last=joint_path,
+            rapid_step=None,
+            done=done,
+            ahead={},
+            looks_ahead=False,
         )
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + LOOK_AHEAD:
@@ -399,6 +466,19 @@ class _Tracer:
                 return np.inf
         joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
         return sum(bound_duration(x, self.arm.limits) for x in joint_paths)
+
+
+def _without_unwinding(joint_path: JointPath, arm: Arm, end: FloatArray) -> JointPath:
+    """Shift joints without a range by whole turns, so that they begin near the previous end.
+
+    - `end`: joint positions after the previous move [rad], (dof,).
+    """
+    if not isinstance(arm, SerialArm):
+        return joint_path
+    lower, upper = arm.limits.joint_range(arm.dof)
+    endless = np.isinf(lower) & np.isinf(upper) & ~arm.chain.slides
+    turns = np.rint((end - ends_of(joint_path)[0]) / (2 * np.pi))
+    return turn_by(joint_path, np.where(endless, turns, 0.0))
 
 
 def _is_same(path: Path, other: Path) -> bool:
@@ -482,7 +562,8 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
     orientation = Orientation.even(path.lengths, starts, rates, axis_only=axis_only)
-    return replace(path, orientation=orientation)
+    cone = min(x.cone for x, _ in orientations) if axis_only else 0.0
+    return replace(path, orientation=orientation.with_cone(cone))
 
 
 def trace_by_duration(
@@ -495,13 +576,16 @@ def trace_by_duration(
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths, the fastest group first.
 
+    An arm that prefers the least motion has groups of one joint path, the least motion first.
+
     The path is traced in all configurations. The joint paths of a group are sorted by length, the
     shortest first. For a path of more than MANY_SEGMENTS segments, only the fastest is yielded.
     """
     bounds = resolve_limits("trace_by_duration", arm, limits)
     # Limits of jerk increase the computing time and do not change the order of configurations.
     rough = bounds.without_jerk
-    if isinstance(path, Path) and len(path) > MANY_SEGMENTS and isinstance(arm, SerialArm):
+    is_long = isinstance(path, Path) and len(path) > MANY_SEGMENTS
+    if is_long and isinstance(arm, SerialArm) and not arm.chain.still:
         joint_path = (
             _trace_long(path, arm, bounds) if configuration is None and seed is None else None
         )
@@ -509,17 +593,26 @@ def trace_by_duration(
             yield [joint_path]
             return
     candidates = trace_candidates(path, arm, limits=bounds, configuration=configuration, seed=seed)
-    if not _compares_costs(path, arm):
-        yield from _group_by_duration([x.joint_path for x in candidates], arm, rough, EQUALLY_FAST)
-        return
-    for part in _divide_by_cost(candidates):
-        yield from _group_by_duration(part, arm, rough, NEARLY_AS_FAST)
+    joint_paths = [x.joint_path for x in candidates]
+    prefer = arm.chain.prefer if isinstance(arm, SerialArm) else None
+    if len(joint_paths) == 1:
+        yield joint_paths
+    elif prefer == "least motion":
+        yield from _by_cost(candidates, arm, rough)
+    elif prefer == "fastest":
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST, FINE_PLAN)
+    elif not _compares_costs(path, arm):
+        yield from _group_by_duration(joint_paths, arm, rough, EQUALLY_FAST)
+    else:
+        for part in _divide_by_cost(candidates):
+            yield from _group_by_duration(part, arm, rough, NEARLY_AS_FAST)
 
 
 def _compares_costs(path: Path, arm: Arm) -> bool:
     """Test whether costs choose among joint paths that are nearly as fast as the fastest one."""
     # The costs of an arm without external axes and weights only measure the joint paths' lengths.
-    if not isinstance(arm, SerialArm) or not is_redundant(path, arm):
+    # A tool that may lean leans where that is faster.
+    if not isinstance(arm, SerialArm) or not is_redundant(path, arm) or may_lean(path, arm):
         return False
     chain = arm.chain
     return len(chain.external) > 0 or bool((np.asarray(chain.weights) != 1.0).any())
@@ -533,8 +626,31 @@ def _divide_by_cost(candidates: list[Candidate]) -> list[list[JointPath]]:
     return [low, others] if others else [low]
 
 
+def _by_cost(candidates: list[Candidate], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Yield joint paths one by one, that with the lowest cost first.
+
+    Joint paths that cannot be planned come last.
+
+    - `rough`: limits of the plans that show whether a joint path can be planned.
+    """
+    failed = []
+    for candidate in sorted(candidates, key=lambda x: x.cost):
+        joint_path = candidate.joint_path
+        try:
+            plan_optimal(joint_path, arm, rough, COARSE_PLAN)
+        except ArmContourError:
+            failed.append(joint_path)
+            continue
+        yield [joint_path]
+    yield from ([x] for x in failed)
+
+
 def _group_by_duration(
-    joint_paths: list[JointPath], arm: Arm, rough: Limits, slack: float
+    joint_paths: list[JointPath],
+    arm: Arm,
+    rough: Limits,
+    slack: float,
+    options: Optimal = COARSE_PLAN,
 ) -> Iterator[list[JointPath]]:
     """Yield groups of equally fast joint paths.
 
@@ -544,6 +660,7 @@ def _group_by_duration(
     A joint path is planned only when its lower bound of the duration requires it.
 
     - `rough`: limits of the plans that compare joint paths.
+    - `options`: options of these plans.
     """
     if len(joint_paths) == 1:
         yield joint_paths
@@ -564,7 +681,7 @@ def _group_by_duration(
             durations[i] = np.inf
             # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
-                durations[i] = plan_optimal(joint_paths[i], arm, rough, COARSE_PLAN).duration
+                durations[i] = plan_optimal(joint_paths[i], arm, rough, options).duration
         shortest = min(durations.values())
         first = min(i for i, x in durations.items() if x <= shortest * (1 + slack))
         chosen = durations[first]
@@ -580,7 +697,7 @@ def _group_by_duration(
 def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
     """Return the joint positions [rad], (dof,), at the start of a path in each configuration."""
     # A long path is checked at a few points only, so a configuration may not complete it.
-    if len(path) > MANY_SEGMENTS:
+    if len(path) > MANY_SEGMENTS and not arm.chain.still:
         try:
             return [x[0] for x in sketch_all(path, arm)[1]]
         except Unreachable:

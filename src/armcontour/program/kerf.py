@@ -395,9 +395,10 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
             "A kerf needs a tool orientation that is constant or follows the tangent. Change the "
             "orientation, or remove the kerf."
         )
-    return Orientation.even(
+    offset = Orientation.even(
         rows.lengths, starts, rates, axis_only=orientation.axis_only, follows=orientation.follows
     )
+    return offset.with_cone(orientation.cone)
 
 
 def _replace_contours(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:

@@ -302,10 +302,11 @@ def _lead_orientation(
     start = rotation
     if not after and rate.any():
         start = exp(-rate[None] * lead.length)[0] @ rotation
-    return Orientation.even(
+    along_lead = Orientation.even(
         lead.lengths,
         start[None],
         rate[None],
         axis_only=orientation.axis_only,
         follows=orientation.follows,
     )
+    return along_lead.with_cone(orientation.cone)

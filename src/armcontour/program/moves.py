@@ -458,6 +458,20 @@ class Program(Checked):
         """
         return self.mapped(lambda path: path.lifted().pointing(direction))
 
+    def with_cone(self, cone: float) -> Program:
+        """Return the program with a cone around its tool axes, as by `Path.with_cone`.
+
+        Args:
+            cone: Largest angle between the tool axis and the prescribed one [rad].
+
+        Raises:
+            InvalidInput: As in `Path.with_cone`.
+        """
+        for contour in self.contours:
+            contour.path.with_cone(cone)
+        # A rapid without tool orientation has it from its contours.
+        return self.mapped(lambda x: x if x.orientation is None else x.with_cone(cone))
+
     def __repr__(self) -> str:
         """Return source, number of contours and length in one line."""
         source = f"{self.source!r}, " if self.source else ""

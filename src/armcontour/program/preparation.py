@@ -542,7 +542,8 @@ def _axial_line(
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
     rotation = orientation(s, side="right" if s == 0 else "left")
     line = Path.polyline([end - height * rotation[:, 2], end], segment_limits=segment_limits)
-    return line.oriented(rotation, axis_only=orientation.axis_only)
+    oriented = line.oriented(rotation, axis_only=orientation.axis_only)
+    return oriented.with_cone(orientation.cone)
 
 
 def resume_program(program: Program, process: Process) -> tuple[Program, Contour | None]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -13,35 +12,38 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import Frame
 from armcontour.jobs import Job, RunResult
+from armcontour.report.drawn_cell import Body, DrawnCell, DrawnJoint
+from armcontour.report.external_bodies import (
+    Surroundings,
+    positioner_bodies,
+    slide_bodies,
+    stand_bodies,
+    stroke,
+)
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.sticks import link_sticks, tool_cone
+from armcontour.report.triangles import triangles_of
+from armcontour.report.view import drawn_points
 from armcontour.robot import Arm, Chain
 from armcontour.robot.chain import floor_poses
-from armcontour.robot.scene import (
-    BASE,
-    PART,
-    Box,
-    Capsule,
-    Cylinder,
-    HalfSpace,
-    Mesh,
-    Scene,
-    Shape,
-    Sphere,
-)
+from armcontour.robot.scene import BASE, PART, Box, HalfSpace, Scene
 
 # The page computes the link poses: the pose of link i in the frame of link `parent` is the `origin`
 # of its joint, followed by a rotation by q[column] about `axis`, or by a translation along it.
 # Link 0 is the base, or the floor, so that a positioner moves the part. The tool is fixed to the
 # last link.
 
-# Number of sides of polygons that approximate circles.
-SIDES = 24
-# Meshes with more triangles are drawn as convex hulls.
-MAX_TRIANGLES = 4_000
 # Half side length of a table, as a factor of the arm's reach.
 TABLE_SIZE = 1.1
 # Thickness of a table [m].
 TABLE_THICKNESS = 0.02
+# Coordinates of the path's box are multiples of this length [m].
+PATH_DIGIT = 5e-3
+# Smallest cosine of the angle between the vertical and the normal of a floor.
+LEVEL = 0.999
+# Smallest size of an arm [m], as for an arm of one joint, and as a share of its longest stroke.
+SMALLEST_ARM = 0.05
+SHARE_OF_STROKE = 0.15
 
 
 def arm_frame(job: Job) -> MessageFrame:
@@ -49,43 +51,142 @@ def arm_frame(job: Job) -> MessageFrame:
     arm = job.arm
     chain = job.arm.chain
     base = chain.base
-    bodies, arrays = _bodies(arm, chain, job.scene or Scene())
     part, at = _on_floor(chain, 0, base.inverse)
+    scene = job.scene or Scene()
+    cell = DrawnCell.of(arm)
+    size = _size(cell, chain)
+    bodies = [*_shaped_bodies(arm), *_obstacle_bodies(arm, scene)]
+    notes = []
+    if not any(x.kind == "link" for x in bodies):
+        notes.append("The shapes of the arm's links are unknown: the links are drawn as sticks.")
+        bodies += link_sticks(cell, chain.tip, size)
+    if not any(x.kind == "tool" for x in bodies):
+        bodies += tool_cone(cell, chain.tip, chain.tip @ chain.tool, size)
+    if (points := path_points(job)) is None:
+        on_part = _corners(cell, [x for x in bodies if x.kind == "part"])
+    else:
+        floor_to_work = cell.frames[part] @ at
+        on_part = floor_to_work.position + points @ floor_to_work.rotation.T
+    axes, ground = _external_axes(cell, arm, scene, bodies, on_part, size)
+    drawn = {x.name for x in axes}
+    if names := [x.name for x in cell.joints if x.name in drawn]:
+        notes.append(
+            f"The bodies of {', '.join(names)} are drawn with assumed sizes, because their shapes "
+            "are unknown. No distance to them is checked."
+        )
+    bodies += axes
+    shown, arrays = _write_bodies(bodies)
     header = {
         "name": arm.name,
-        "joints": list(_joints(arm)),
+        "joints": [_write_joint(x) for x in cell.joints],
         "tool": matrix(chain.tip @ chain.tool),
-        "tip": matrix(chain.tip),
         "base": matrix(base),
         "work": matrix(base.inverse),
         "part": {"link": part, "at": matrix(at)},
         "reach": _reach(arm),
-        "bodies": bodies,
-        "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are unknown."],
+        "size": size,
+        "ground": ground,
+        "bodies": shown,
+        "notes": notes,
     }
     return MessageFrame("arm", header, arrays)
 
 
-def _joints(arm: Arm) -> Iterator[dict[str, Any]]:
-    """List the joints from the floor: a positioner's joints up to the part, then the arm's."""
+def path_points(job: Job) -> FloatArray | None:
+    """Return the corners of the box around the path of a job [m], (8, 3), for its positioner.
+
+    A positioner without bodies on the part is drawn below and beside the path. None for other
+    cells. The coordinates are rounded, so that few changes of the path change the positioner.
+    """
+    scene = job.scene or Scene()
+    has_bodies = any(x.fixed_to == PART for x in scene.obstacles)
+    if job.arm.chain.positioner is None or has_bodies or not job.program.contours:
+        return None
+    points, _ = drawn_points([x.path for x in job.program.contours], np.inf)
+    ends = np.stack([points.min(axis=0), points.max(axis=0)])
+    ends = np.round(ends / PATH_DIGIT) * PATH_DIGIT
+    return np.array(list(product(*ends.T)))
+
+
+def _external_axes(
+    cell: DrawnCell,
+    arm: Arm,
+    scene: Scene,
+    bodies: Sequence[Body],
+    on_part: FloatArray,
+    size: float,
+) -> tuple[list[Body], float]:
+    """Make the bodies of external axes without shapes; also return the height of the ground [m]."""
+    floor = _floor_height(scene)
+    shaped = {x.link for x in bodies if x.kind == "link" and arm.knows_shapes}
+    carried = cell.positioner + cell.sliding
     chain = arm.chain
-    lower, upper = arm.limits.joint_range(arm.dof)
-    first = chain.floor_link
-    part = chain.part_branch
-    branches = [(chain.arm_branch, np.arange(first, arm.dof), first)]
-    if part is not None:
-        branches.insert(0, (part, np.arange(first)[::-1], 0))
-    for branch, columns, carried in branches:
-        for k, column in enumerate(columns.tolist()):
-            yield {
-                "name": branch.joints[k],
-                "type": "prismatic" if branch.slides[k] else "revolute",
-                "parent": k + carried if k else 0,
-                "column": column,
-                "axis": branch.axes[k],
-                "origin": matrix(Frame(position=branch.positions[k], rotation=branch.rotations[k])),
-                "limits": [lower[column], upper[column]],
-            }
+    end = cell.frames[-1] @ chain.tip @ chain.tool
+    around = Surroundings(
+        size=size,
+        base=_corners(cell, [x for x in bodies if x.link == carried and carried in shaped]),
+        arm=np.array([*(x.position for x in cell.frames[carried + 1 :]), end.position]),
+        part=on_part,
+        floor=floor,
+    )
+    made: list[Body] = []
+    stands = []
+    carriers = {0, *range(cell.positioner + 1, carried)}
+    if cell.sliding and not carriers & shaped:
+        of_slides, on_floor = slide_bodies(cell, around)
+        made += of_slides
+        stands += on_floor
+    if cell.positioner and not shaped.intersection(range(1, cell.positioner + 1)):
+        of_positioner, on_floor = positioner_bodies(cell, around)
+        made += of_positioner
+        stands += on_floor
+    # Without a floor in the scene, a structure below the arm's base stands on the ground.
+    lowest = min([0.0, *(float(x.top[2]) for x in stands)])
+    ground = lowest if floor is None else floor
+    return [*made, *stand_bodies(cell, stands, ground)], ground
+
+
+def _floor_height(scene: Scene) -> float | None:
+    """Return the height of the highest level half-space on the floor [m]; None without one."""
+    heights = [
+        float(x.place.position[2])
+        for x in scene.obstacles
+        if isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] >= LEVEL
+    ]
+    return max(heights, default=None)
+
+
+def _corners(cell: DrawnCell, bodies: Sequence[Body]) -> FloatArray:
+    """Return the corners of bodies with all joints at 0 in the frame of the floor [m], (n, 3)."""
+    return np.concatenate([np.empty((0, 3)), *(cell.place(x) for x in bodies)])
+
+
+def _write_joint(joint: DrawnJoint) -> dict[str, Any]:
+    """Return a joint as the page reads it."""
+    return {
+        "name": joint.name,
+        "type": "prismatic" if joint.prismatic else "revolute",
+        "parent": joint.parent,
+        "column": joint.column,
+        "factor": joint.factor,
+        "axis": joint.axis,
+        "origin": matrix(joint.origin),
+        "limits": [joint.lower, joint.upper],
+    }
+
+
+def _write_bodies(
+    bodies: Sequence[Body],
+) -> tuple[list[dict[str, Any]], dict[str, npt.NDArray[Any]]]:
+    """Return the bodies as the page reads them, and the arrays of their triangles by name."""
+    shown = []
+    arrays = {}
+    for k, body in enumerate(bodies):
+        array = f"body{k}"
+        arrays[array] = np.asarray(body.triangles, dtype=np.float32)
+        look = {"name": body.name, "link": body.link, "colour": body.kind}
+        shown.append({**look, "triangles": array, "at": matrix(body.place)})
+    return shown, arrays
 
 
 def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
@@ -93,7 +194,8 @@ def _on_floor(chain: Chain, link: int, pose: Frame) -> tuple[int, Frame]:
     first = chain.floor_link
     positioner = chain.positioner
     if positioner is None or link > first:
-        return link, pose
+        # Joints that follow others have frames of their own.
+        return int(chain.joint_row[link - 1]) + 1 if link else 0, pose
     if link == first:
         return 0, chain.floor.inverse @ pose
     # The links of a positioner have parallel frames with all joints at 0.
@@ -122,89 +224,57 @@ def matrix(frame: Frame) -> FloatArray:
     return homogeneous
 
 
+def _size(cell: DrawnCell, chain: Chain) -> float:
+    """Return the size of the arm without external axes [m]: the length of its stretched links."""
+    first = cell.positioner + cell.sliding
+    # The first joint's frame contains the position of the arm in the cell.
+    links = [x.origin.position for x in cell.joints[first + 1 :]]
+    length = float(sum(np.linalg.norm(x) for x in [*links, chain.tip.position]))
+    strokes = [0.0]
+    for joint in cell.joints[cell.positioner :]:
+        if joint.prismatic:
+            low, high = stroke(joint, 0.0)
+            strokes.append(high - low)
+    return max(length, SMALLEST_ARM, SHARE_OF_STROKE * max(strokes))
+
+
 def _reach(arm: Arm) -> float:
     """Return an upper bound of the distance from the base to the tool [m]."""
     ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
     return float(sum(np.linalg.norm(x) for x in ends)) + arm.stroke
 
 
-def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """List the bodies (links, tool, obstacles), and their triangles [m], (n, 3, 3), by name."""
-    bodies: list[dict[str, Any]] = []
-    arrays: dict[str, npt.NDArray[Any]] = {}
-
-    def add(name: str, link: int, colour: str, pose: Frame, corners: FloatArray) -> None:
-        """Add a body with its pose in its link, and its triangles [m], (n, 3, 3)."""
-        array = f"body{len(bodies)}"
-        link, pose = _on_floor(chain, link, pose)
-        arrays[array] = np.asarray(corners, dtype=np.float32)
-        look = {"name": name, "link": link, "colour": colour}
-        bodies.append({**look, "triangles": array, "at": matrix(pose)})
-
+def _shaped_bodies(arm: Arm) -> Iterator[Body]:
+    """Yield the links and the tool of an arm that have shapes."""
     shapes = arm.shapes.shapes if arm.knows_shapes and arm.shapes is not None else ()
     for link_shape in shapes:
-        add(
-            link_shape.name,
-            link_shape.link,
-            "tool" if link_shape.tool else "link",
-            link_shape.place,
-            triangles_of(link_shape.exact or link_shape.shape),
+        link, place = _on_floor(arm.chain, link_shape.link, link_shape.place)
+        yield Body(
+            name=link_shape.name,
+            link=link,
+            kind="tool" if link_shape.tool else "link",
+            place=place,
+            triangles=triangles_of(link_shape.exact or link_shape.shape),
         )
+
+
+def _obstacle_bodies(arm: Arm, scene: Scene) -> Iterator[Body]:
+    """Yield the obstacles; a half-space is drawn as a table."""
+    chain = arm.chain
     for obstacle in scene.obstacles:
         # `chain.base` is the pose of the base or table (link 0) in the work frame.
         on_floor = obstacle.fixed_to == BASE
         link = chain.floor_link if on_floor else 0
         pose = (chain.floor if on_floor else chain.base.inverse) @ obstacle.place
-        if isinstance(obstacle.shape, HalfSpace):
+        kind = "part" if obstacle.fixed_to == PART else "obstacle"
+        shape = obstacle.shape
+        if isinstance(shape, HalfSpace):
             # The table is centred below the base, wherever its half-space has its origin.
             foot = -(pose.rotation.T @ pose.position) * [1, 1, 0]
             pose = pose @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
             side = 2 * TABLE_SIZE * max(_reach(arm), 0.5)
-            corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
-            add(obstacle.name, link, "table", pose, corners)
-        else:
-            colour = "part" if obstacle.fixed_to == PART else "obstacle"
-            add(obstacle.name, link, colour, pose, triangles_of(obstacle.shape))
-    return bodies, arrays
-
-
-@lru_cache(maxsize=64)
-def triangles_of(shape: Shape) -> FloatArray:
-    """Return a shape's triangles with outward normals [m], (n, 3, 3); of large meshes the hull."""
-    match shape:
-        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
-            return np.asarray(shape.points[shape.triangles])
-        case Mesh():
-            points = shape.points
-        case Box():
-            points = shape.size / 2 * np.array(list(product((-1, 1), repeat=3)))
-        case Cylinder():
-            points = _ends(shape.length, _rings(shape.radius, np.zeros(1)))
-        case Sphere() | Capsule():
-            rings = _rings(shape.radius, np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1))
-            points = rings if isinstance(shape, Sphere) else _ends(shape.length, rings)
-        case _:
-            raise TypeError(f"A {type(shape).__name__} cannot be drawn as triangles.")
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points)
-    corners = hull.points[hull.simplices]
-    # The normals in `equations` point outwards, but the vertex order of the simplices is arbitrary.
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
-    corners[inside_out] = corners[inside_out][:, ::-1]
-    return np.asarray(corners)
-
-
-def _rings(radius: float, heights: FloatArray) -> FloatArray:
-    """Return points on circles of latitude of a sphere about the origin [m], (n, 3)."""
-    angle, height = np.meshgrid(np.arange(SIDES) * 2 * np.pi / SIDES, heights)
-    flat = np.cos(height)
-    parts = (flat * np.cos(angle), flat * np.sin(angle), np.sin(height))
-    return radius * np.stack(parts, axis=-1).reshape(-1, 3)
-
-
-def _ends(length: float, points: FloatArray) -> FloatArray:
-    """Move points to both ends of a body along z."""
-    half = np.array([0.0, 0.0, length / 2])
-    return np.concatenate([points - half, points + half])
+            shape = Box(size=np.array([side, side, TABLE_THICKNESS]))
+            kind = "table"
+        link, place = _on_floor(chain, link, pose)
+        triangles = triangles_of(shape)
+        yield Body(name=obstacle.name, link=link, kind=kind, place=place, triangles=triangles)

@@ -225,7 +225,7 @@ def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:
 # Modules that draw figures.
 UPLOT = ("vendor/uplot.js",)
 # Modules that draw arms.
-VIEWER = ("vendor/three.js", "kinematics.js", "message_frame.js", "viewer.js")
+VIEWER = ("vendor/three.js", "framing.js", "kinematics.js", "message_frame.js", "viewer.js")
 
 
 @cache

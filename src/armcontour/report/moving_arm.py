@@ -35,9 +35,14 @@ VISIBLE = 1 / 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MovingArm(Picture):
-    """The arm and its cell in space, with a slider of the time; `frames`: arm and motion."""
+    """The arm and its cell in space, with a slider of the time; `frames`: arm and motion.
+
+    Args:
+        notes: Sentences about the drawn bodies.
+    """
 
     template: ClassVar[str] = "arm.html"
+    notes: tuple[str, ...] = ()
 
 
 def draw_arm(result: RunResult, job: Job) -> MovingArm:
@@ -54,9 +59,11 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
     header = {"lines": lines, "nearest": nearest_pair(result)}
+    arm = arm_frame(job)
     return MovingArm(
         title="Arm, moving as planned",
-        frames=(arm_frame(job), MessageFrame("motion", header, arrays)),
+        frames=(arm, MessageFrame("motion", header, arrays)),
+        notes=tuple(arm.header["notes"]),
     )
 
 

@@ -11,6 +11,7 @@ _HOME = {
     "external_axes": "Positioner PositionerAxis Rail",
     "limits": "Limits",
     "planar": "PlanarTwoLink",
+    "preferences": "JointPreference",
     "serial": "SerialArm",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -10,4 +10,5 @@ from armcontour.robot.external_axes import PositionerAxis as PositionerAxis
 from armcontour.robot.external_axes import Rail as Rail
 from armcontour.robot.limits import Limits as Limits
 from armcontour.robot.planar import PlanarTwoLink as PlanarTwoLink
+from armcontour.robot.preferences import JointPreference as JointPreference
 from armcontour.robot.serial import SerialArm as SerialArm

@@ -18,11 +18,13 @@ from armcontour.core.frames import Pose, read_poses, transforms
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
+from armcontour.robot.preferred_chain import narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.closed_form_kinematics import ClosedForm
     from armcontour.robot.dynamics import Dynamics
     from armcontour.robot.scene import ArmShapes
+    from armcontour.robot.tool_turning import ToolTurning
 
 # A limit counts as equal to the arm's limit if it exceeds it by at most this fraction (for ends of
 # joint ranges between -1 and 1 rad: by this angle [rad]), because files contain rounded values.
@@ -55,8 +57,8 @@ def resolve_limits(
         planned: The limits of the plan; None without a plan or limits.
 
     Returns:
-        The limits with one value per joint. A limit is None only if it is removed or the arm has
-        none.
+        The limits with one value per joint, with joint ranges inside those of the arm's
+        preferences. A limit is None only if it is removed or the arm has none.
 
     Raises:
         InvalidInput: `limits` is not a Limits, has another number of joints or an empty joint
@@ -75,7 +77,8 @@ def resolve_limits(
     resolved = first.for_joints(arm.dof)
     for base in others:
         resolved = resolved.over(base.for_joints(arm.dof))
-    return resolved
+    chain = getattr(arm, "chain", None)
+    return resolved if chain is None else narrow_ranges(resolved, chain)
 
 
 def unit_of(arm: Arm | None, unit: str, joint: int | None = None) -> str:
@@ -146,7 +149,7 @@ class Arm(Immutable, ABC):
             default branch first; empty if the arm has no closed form.
         source: Where the arm's data come from.
         chain: The joints and links.
-        link_table: Table of the links for the compiled kinematics, (dof + 1, 12).
+        link_table: Table of the links for the compiled kinematics, (rows + 1, 15).
         limits_hint: Advice on how to add the limits that the arm lacks, for messages.
         notes: Sentences on data that were ignored or chosen when the arm was read from a file.
         assumed_limits: Limits that are only assumed, because the robot description lacks them;
@@ -300,6 +303,8 @@ class Arm(Immutable, ABC):
         if "chain" in changes:
             # The cached dynamics belong to the previous chain.
             vars(other).pop("dynamics", None)
+        if "limits" in changes or "chain" in changes:
+            vars(other).pop("from_floor", None)
         vars(other).update(changes)
         return other
 
@@ -345,10 +350,19 @@ class Arm(Immutable, ABC):
         return ClosedForm.from_chain(self.chain)
 
     @cached_property
+    def tool_turning(self) -> ToolTurning | None:
+        """Rotations of the tool if it turns about one direction or not at all, otherwise None."""
+        from armcontour.robot.tool_turning import ToolTurning
+
+        at_zero = np.zeros(self.dof)
+        return ToolTurning.about(self.jacobian(at_zero)[3:].T, self.poses(at_zero)[:, :3])
+
+    @cached_property
     def span(self) -> float:
         """Sum of the distances from joint to joint and from the last joint to the tool [m]."""
         end = self.chain.tip @ self.chain.tool
-        parts = np.concatenate([self.chain.positions, end.position[None]])
+        followed = [x.place.position for x in self.chain.followers]
+        parts = np.array([*self.chain.positions, *followed, end.position])
         return float(np.linalg.norm(parts, axis=1).sum()) + self.stroke
 
     @property
@@ -518,9 +532,16 @@ class Arm(Immutable, ABC):
             q: Joint positions [rad], (..., dof).
             dq: Joint velocities [rad/s], same shape.
         """
+        from armcontour.robot.kernels import FACTOR, LEADER, SLIDES, frames_of
+
         leading, (rows, rates) = state_rows(self.dof, q, dq)
-        frames = self._frames(rows)
-        slides = self.chain.slides
+        table = self.link_table
+        frames = frames_of(table, rows)
+        slides = table[:-1, SLIDES] != 0.0
+        # Joints that follow others have rows of their own.
+        leaders = table[:-1, LEADER].astype(np.intp)
+        factors = table[:-1, FACTOR]
+        rates = rates[:, leaders] * factors
         points = frames[..., 3]
         directions = frames[:, :-1, :, 2]
         angular = np.cumsum(directions * (rates * ~slides)[..., None], axis=1)
@@ -528,13 +549,18 @@ class Arm(Immutable, ABC):
         steps = _cross(angular, np.diff(points, axis=1))
         moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
         slid = np.cumsum(directions * (rates * slides)[..., None], axis=1)
-        moving += slid[:, np.minimum(np.arange(self.dof + 1), self.dof - 1)]
+        count = len(leaders)
+        moving += slid[:, np.minimum(np.arange(count + 1), count - 1)]
         # A joint does not move its own axis, so the axis is constant in the frame of its link.
         turning = _cross(angular, directions)
         arms = points[:, -1:] - points[:, :-1]
         opening = moving[:, -1:] - moving[:, :-1]
         rate = _cross(turning, arms) + _cross(directions, opening)
         rate[:, slides] = turning[:, slides]
+        if count > self.dof:
+            along = np.zeros((self.dof, count))
+            along[leaders, np.arange(count)] = factors
+            rate = along @ rate
         rate = np.swapaxes(rate, -1, -2)[:, : self.dimension]
         return rate.reshape(*leading, self.dimension, self.dof)
 
@@ -595,7 +621,8 @@ class Arm(Immutable, ABC):
         from armcontour.robot.kernels import frames_of
 
         leading, (rows,) = state_rows(self.dof, q)
-        return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
+        frames = self.chain.without_followers(frames_of(self.link_table, rows))
+        return np.asarray(frames.reshape(*leading, self.dof + 1, 3, 4))
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Return each drive's torque [N m], `M(q) ddq + C(q, dq) dq + g(q) + friction(dq)`.
@@ -620,8 +647,8 @@ def shift_by_turns(
     """Shift joint positions by whole turns into the ranges; also return whether all are inside.
 
     The shift is one per joint. It brings the positions as near as possible to `start`, or to the
-    middle of the ranges. A joint whose range has only one end is shifted into its range. Prismatic
-    joints are not shifted.
+    middle of the ranges. A joint whose range has only one end is shifted into its range. An axis of
+    a positioner that turns endlessly begins near 0. Prismatic joints are not shifted.
 
     Args:
         arm: The arm.
@@ -637,6 +664,9 @@ def shift_by_turns(
     lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
     highest = np.where(both, np.inf, np.floor((upper - high) / turn))
     turns = np.rint((middle - (low + high) / 2) / turn)
+    endless = np.isinf(lower) & np.isinf(upper)
+    endless[arm.chain.floor_link :] = False
+    turns[endless] = np.rint(-q[0, endless] / turn)
     shift = turn * np.minimum(np.maximum(turns, lowest), highest)
     if start is not None:
         nearest = turn * np.rint((start - q[0]) / turn)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import field
-from typing import Annotated, Any
+from dataclasses import field, replace
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.robot.bodies import INERTIA, Payload, check_inertia
 from armcontour.robot.external_axes import Positioner, PositionerAxis, Rail
+from armcontour.robot.preferences import Prefer
 
 # Fields with one row per joint
 PER_JOINT = (
@@ -37,6 +38,9 @@ PER_JOINT = (
 # Fields of `arm_branch`, the chain from the floor to the tool
 FROM_FLOOR: dict[str, Any] = {
     "held": {},
+    "still": (),
+    "columns": (),
+    "ranges": {},
     "positioner": None,
     "floor_link": 0,
     "floor": Frame(),
@@ -46,6 +50,56 @@ FROM_FLOOR: dict[str, Any] = {
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH = Quantity("m")
+
+
+@declared(eq=False)
+class Follower(Checked):
+    """A joint inside an arm that follows another joint, as the linkage of a palletizer.
+
+    It has no drive and no position of its own: it turns by `factor` times the position of its
+    leader. The next joint, or the tip, is in its frame.
+
+    Args:
+        after: Index of the joint after which it comes; it is in the frame of this joint's link, or
+            of the previous follower of the same link.
+        leader: Index of the joint that it follows.
+        factor: Its position divided by that of the leader.
+        place: Its frame at 0 in the frame before it.
+        axis: Its axis as a unit vector in its frame, (3,).
+    """
+
+    after: int
+    leader: int
+    factor: Annotated[float, Quantity("")]
+    place: Frame
+    axis: Annotated[FloatArray, Quantity(""), Axes(3)]
+
+    def shifted(self, by: int) -> Follower:
+        """Return the follower in a chain that has more joints before it.
+
+        Args:
+            by: Number of these joints.
+        """
+        return replace(self, after=self.after + by, leader=self.leader + by)
+
+
+class Row(NamedTuple):
+    """A row of the kinematics of a chain: a joint or a follower."""
+
+    name: str
+    # Position [m], (3,), and rotation, (3, 3), at 0 in the frame of the previous row
+    position: FloatArray
+    rotation: FloatArray
+    axis: FloatArray  # Unit vector in this frame, (3,)
+    slides: bool
+    leader: int  # Index of the joint whose position moves it
+    factor: float  # Its position divided by that of this joint
+    follows: bool  # True for a follower
+
+    @property
+    def place(self) -> Frame:
+        """Frame at 0 in the frame of the previous row; its rotation is orthonormalized."""
+        return Frame(position=self.position, rotation=self.rotation)
 
 
 @declared(eq=False)
@@ -74,6 +128,13 @@ class Chain(Checked):
         weights: Weights of the joint motions for a redundant arm, (n,); 1 by default. A joint with
             a larger weight moves less.
         held: Positions at which some joints stay [rad], by index; by default all joints move.
+        followers: Joints that follow other joints, in the order from the base; by default none.
+        still: Indices of joints that stay still within each contour; by default none.
+        columns: Indices of revolute joints that carry the arm, as a rotating column does; they are
+            external axes. By default none.
+        ranges: Preferred ranges of some joints [rad], by index, inside the joints' own ranges.
+        prefer: What the planner prefers if a redundant arm can follow a path in several ways; None
+            weighs time against joint motion.
         positioner: The positioner whose axes are the first joints, from the part to the floor; None
             without one. With a positioner the base is the table, and its frame is that of the floor
             with these joints at 0.
@@ -107,6 +168,11 @@ class Chain(Checked):
     prismatic: Annotated[tuple[bool, ...], Axes("joints")] | None = None
     weights: Annotated[FloatArray, Quantity("", sign="positive"), Axes("joints")] | None = None
     held: Mapping[int, float] = field(default_factory=dict)
+    followers: tuple[Follower, ...] = ()
+    still: tuple[int, ...] = ()
+    columns: tuple[int, ...] = ()
+    ranges: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    prefer: Prefer | None = None
     positioner: Positioner | None = None
     floor_link: int = 0
     floor: Frame = field(default_factory=Frame)
@@ -178,9 +244,44 @@ class Chain(Checked):
         return shared_unit(unit, chosen)
 
     @property
+    def rows(self) -> list[Row]:
+        """The joints and their followers, from the base to the tip."""
+        rows: list[Row] = []
+        for k in range(len(self)):
+            place = (self.positions[k], self.rotations[k])
+            slides = bool(self.slides[k])
+            rows.append(Row(self.joints[k], *place, self.axes[k], slides, k, 1.0, False))
+            for x in self.followers:
+                if x.after == k:
+                    name = f"follower of {self.joints[x.leader]}"
+                    place = (x.place.position, x.place.rotation)
+                    rows.append(Row(name, *place, x.axis, False, x.leader, x.factor, True))
+        return rows
+
+    @property
+    def joint_row(self) -> IntArray:
+        """Index of each joint among the `rows`, (n,)."""
+        after = np.array([x.after for x in self.followers], dtype=np.intp)
+        return np.array([k + np.sum(after < k) for k in range(len(self))], dtype=np.intp)
+
+    def without_followers(self, frames: FloatArray) -> FloatArray:
+        """Return the frames of joints and tool, (n, joints + 1, 3, 4), from those of all rows.
+
+        Args:
+            frames: Frames of the `rows` and of the tool, (n, rows + 1, 3, 4).
+        """
+        return frames[:, [*self.joint_row, -1]] if self.followers else frames
+
+    @property
     def external(self) -> tuple[int, ...]:
-        """Indices of the external axes: prismatic joints, and a positioner's from the floor."""
-        return (*np.flatnonzero(self.slides).tolist(), *range(self.floor_link - 1, -1, -1))
+        """Indices of the external axes: those that carry the arm, then a positioner's.
+
+        Prismatic joints and rotating columns carry the arm. All are in the order from the floor.
+        """
+        first = self.floor_link
+        sliding = np.flatnonzero(self.slides[first:]) + first
+        carrying = sorted({*sliding.tolist(), *self.columns})
+        return (*carrying, *range(first - 1, -1, -1))
 
     @property
     def arm_branch(self) -> Chain:
@@ -192,7 +293,8 @@ class Chain(Checked):
         first = self.floor.inverse @ first
         rows["positions"][0] = first.position
         rows["rotations"][0] = first.rotation
-        return self.replace(**rows, **FROM_FLOOR)
+        followers = tuple(x.shifted(-self.floor_link) for x in self.followers)
+        return self.replace(**rows, **FROM_FLOOR, followers=followers)
 
     @property
     def part_branch(self) -> Chain | None:
@@ -213,6 +315,7 @@ class Chain(Checked):
             centers=centers,
             inertias=np.array([x.inertia for x in axes]),
             **{x: getattr(self, x)[:count][::-1] for x in ("armature", "viscous", "coulomb")},
+            prismatic=tuple(x.prismatic for x in axes),
             tip=Frame(position=-origins[-1]) @ self.base.inverse,
             gravity=self.gravity,
             payload=self.positioner.part,
@@ -224,7 +327,7 @@ class Chain(Checked):
         if self.positioner is not None:
             raise InvalidInput("The arm already has a positioner: add its rail first.")
         return self._with_first(
-            ("rail",), [rail], rail.origin, prismatic=True, positions=np.zeros((1, 3))
+            ("rail",), [rail], rail.origin, prismatic=(True,), positions=np.zeros((1, 3))
         )
 
     @checked
@@ -240,7 +343,7 @@ class Chain(Checked):
             tuple(x.name for x in axes),
             axes,
             -origins[-1],
-            prismatic=False,
+            prismatic=tuple(x.prismatic for x in axes),
             axes=-_directions(axes),
             positions=np.diff(origins, axis=0, prepend=0.0),
             # The bodies are in the first branch.
@@ -255,7 +358,7 @@ class Chain(Checked):
         added: Sequence[Rail | PositionerAxis],
         offset: FloatArray,
         *,
-        prismatic: bool,
+        prismatic: tuple[bool, ...],
         **changes: FloatArray,
     ) -> Chain:
         """Return the chain with joints put before its own, which move by `offset` [m], (3,)."""
@@ -265,36 +368,83 @@ class Chain(Checked):
         first: dict[str, FloatArray] = {
             "rotations": np.tile(np.eye(3), (n, 1, 1)), "axes": _directions(added),
             "masses": np.array([x.mass for x in added]), "centers": np.zeros((n, 3)),
-            "inertias": np.zeros((n, 3, 3)), "weights": np.array([x.weight for x in added]),
+            "inertias": np.zeros((n, 3, 3)), "weights": np.ones(n),
             **dict.fromkeys(("armature", "viscous", "coulomb"), np.zeros(n)),
         } | changes  # fmt: skip
         own = joint_rows(self, np.arange(len(self)))
         own["positions"][0] += offset
-        held = {k: x.hold for k, x in enumerate(added) if x.hold is not None}
         return self.replace(
             **{x: np.concatenate([first[x], rows]) for x, rows in own.items() if x in PER_JOINT},
             joints=(*names, *self.joints),
-            prismatic=(*[prismatic] * n, *own["prismatic"]),
-            held=held | {k + n: x for k, x in self.held.items()},
+            prismatic=(*prismatic, *own["prismatic"]),
+            held={k + n: x for k, x in self.held.items()},
+            still=tuple(k + n for k in self.still),
+            columns=tuple(k + n for k in self.columns),
+            ranges={k + n: x for k, x in self.ranges.items()},
+            followers=tuple(x.shifted(n) for x in self.followers),
+        )
+
+    @checked
+    def with_base_moved(self, moved: Frame) -> Chain:
+        """Return the chain with the base of the arm, and its rail, moved in the cell.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0.
+        """
+        base = moved @ self.base
+        if self.positioner is None:
+            return self.replace(base=base)
+        # The axes do not move, so their coordinates in the frame of the base change.
+        seen = self.positioner.seen_from(self.base.inverse @ base)
+        axes = seen.axes[::-1]
+        count = self.floor_link
+        origins = np.array([x.origin for x in axes])
+        positions = np.array(self.positions)
+        positions[:count] = np.diff(origins, axis=0, prepend=0.0)
+        positions[count] += -origins[-1] - self.floor.position
+        directions = np.array(self.axes)
+        directions[:count] = -_directions(axes)
+        gravity = base.rotation.T @ self.base.rotation @ self.gravity
+        return self.replace(
+            positioner=seen,
+            axes=directions,
+            positions=positions,
+            floor=Frame(position=-origins[-1], rotation=self.floor.rotation),
+            base=base,
+            gravity=gravity,
         )
 
     def without_held(self) -> Chain:
         """Return the chain for kinematics in which the held joints are rigid."""
-        frames = []
+        frames: list[Frame] = []
+        followers: list[Follower] = []
         before = Frame()
         floor = self.floor
-        for k in range(len(self)):
-            before = before @ Frame(position=self.positions[k], rotation=self.rotations[k])
-            if k in self.held:
-                moved = self.held[k] * self.axes[k]
-                rigid = Frame(position=moved) if self.slides[k] else Frame(rotation=exp(moved))
+        moving = np.setdiff1d(np.arange(len(self)), list(self.held))
+        number = {k: i for i, k in enumerate(moving.tolist())}
+        k = -1
+        for row in self.rows:
+            before = before @ row.place
+            k += not row.follows
+            if row.leader in self.held:
+                moved = row.factor * self.held[row.leader] * row.axis
+                rigid = Frame(position=moved) if row.slides else Frame(rotation=exp(moved))
                 before = before @ rigid
+            elif row.follows:
+                follower = Follower(
+                    after=len(frames) - 1,
+                    leader=int(np.searchsorted(moving, row.leader)),
+                    factor=row.factor,
+                    place=before,
+                    axis=row.axis,
+                )
+                followers.append(follower)
+                before = Frame()
             else:
                 frames.append(before)
                 before = Frame()
-            if k + 1 == self.floor_link:
+            if k + 1 == self.floor_link and not row.follows:
                 floor = before @ floor
-        moving = np.setdiff1d(np.arange(len(self)), list(self.held))
         return self.replace(
             **joint_rows(self, moving)
             | {
@@ -303,6 +453,10 @@ class Chain(Checked):
                 **dict.fromkeys(("masses", "centers", "inertias")),
             },
             held={},
+            followers=tuple(followers),
+            still=tuple(number[k] for k in self.still if k in number),
+            columns=tuple(number[k] for k in self.columns if k in number),
+            ranges={number[k]: x for k, x in self.ranges.items() if k in number},
             floor_link=int(np.sum(moving < self.floor_link)),
             floor=floor,
             tip=before @ self.tip,
@@ -351,7 +505,8 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """Return the base and link frames of `chain` in the work frame at q, (n, dof + 1, 3, 4)."""
     from armcontour.robot.kernels import frames_of
 
-    joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
+    frames = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
+    joints = chain.without_followers(frames)
     poses = np.empty_like(joints)
     poses[:, 0] = chain.base.matrix
     poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
@@ -377,16 +532,20 @@ def floor_poses(chain: Chain, q: FloatArray) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """Return the link table of `chain` for the compiled kinematics, (dof + 1, 13)."""
+    """Return the link table of `chain` for the compiled kinematics, (rows + 1, 15)."""
     # A row has the rotation (row by row) and the position of a joint frame or the tool frame,
     # relative to the previous frame; the first is relative to the work frame. z is the joint axis.
-    # The last column is 1 for a prismatic joint, otherwise 0.
-    table = np.empty((len(chain) + 1, 13))
+    # The last columns are 1 for a prismatic joint, otherwise 0; the index of the joint whose
+    # position moves the row, and the factor of this position.
+    rows = chain.rows
+    table = np.empty((len(rows) + 1, 15))
     end = chain.tip @ chain.tool
-    table[:, 12] = *chain.slides, False
-    turns = [*joint_frames(chain), np.eye(3)]
-    rotations = [*chain.rotations, end.rotation]
-    positions = [*chain.positions, end.position]
+    table[:, 12] = *(x.slides for x in rows), False
+    table[:, 13] = *(x.leader for x in rows), -1
+    table[:, 14] = *(x.factor for x in rows), 0.0
+    turns = [*_frames_along(np.array([x.axis for x in rows])), np.eye(3)]
+    rotations = [*(x.rotation for x in rows), end.rotation]
+    positions = [*(x.position for x in rows), end.position]
     before = chain.base.rotation
     offset = chain.base.position
     for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
@@ -399,8 +558,13 @@ def link_table(chain: Chain) -> FloatArray:
 
 def joint_frames(chain: Chain) -> FloatArray:
     """Return rotations in the link frames of `chain` that turn z to the joint axes, (n, 3, 3)."""
-    frames = np.tile(np.eye(3), (len(chain), 1, 1))
-    for frame, axis in zip(frames, chain.axes, strict=True):
+    return _frames_along(chain.axes)
+
+
+def _frames_along(axes: FloatArray) -> FloatArray:
+    """Return rotations that turn z to unit vectors, (n, 3) to (n, 3, 3)."""
+    frames = np.tile(np.eye(3), (len(axes), 1, 1))
+    for frame, axis in zip(frames, axes, strict=True):
         if axis[2] != 1.0:
             across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             frame[:, 0] = across / np.linalg.norm(across)

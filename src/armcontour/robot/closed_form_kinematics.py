@@ -121,7 +121,7 @@ class ClosedForm:
     @classmethod
     def from_chain(cls, chain: Chain) -> ClosedForm | None:
         """Return the closed form of a chain; None if its geometry is another one."""
-        if len(chain) != 6 or chain.slides.any():
+        if len(chain) != 6 or chain.slides.any() or chain.followers:
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
         points = links[..., 3]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -10,7 +10,9 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
+from armcontour.core.frames import Frame
 from armcontour.core.quantities import (
+    NO_KEY,
     Acceleration,
     Angle,
     AngularAcceleration,
@@ -28,6 +30,7 @@ from armcontour.core.quantities import (
     Speed,
     Torque,
 )
+from armcontour.core.text import capitalise
 from armcontour.robot.bodies import TENSOR, Payload, check_inertia
 
 # Joint limits, each with the field of an external axis that specifies it
@@ -39,7 +42,6 @@ FIELDS = {
     "joint_jerk": "jerk",
     "joint_torque": "torque",
 }
-Weight = Annotated[float, Quantity("", sign="positive")]
 Point = Annotated[FloatArray, Quantity("m", "5 mm"), Axes(3)]
 # Angle between the tool axis and gravity [rad].
 Tilt = Annotated[float, Quantity("rad", "10 deg", within=(1e-3, np.pi))]
@@ -64,12 +66,9 @@ class Rail(Checked):
         origin: Position of the arm's base with the rail at 0 [m], (3,). The frame of the rail
             replaces the frame of the arm's base in the work frame and in the scene.
         mass: Mass of carriage and arm base, which the force accelerates [kg].
-        weight: Weight of the rail's motion relative to the other joints. With a larger weight the
-            rail moves less, and the arm reaches farther.
-        hold: Position at which the rail stays [m]; by default it moves.
 
     Raises:
-        InvalidInput: The axis is zero, the range is empty, or `hold` is outside.
+        InvalidInput: The axis is zero, or the range is empty.
     """
 
     fields: ClassVar = {**FIELDS, "joint_torque": "force"}
@@ -82,8 +81,6 @@ class Rail(Checked):
     force: Force | None = None
     origin: Point = field(default_factory=lambda: np.zeros(3))
     mass: Mass = 0.0
-    weight: Weight = 1.0
-    hold: Length | None = None
 
     def _check_together(self) -> None:
         _check_axis("a rail", "m", self)
@@ -91,13 +88,16 @@ class Rail(Checked):
 
 @declared(eq=False)
 class PositionerAxis(Checked):
-    """An axis that turns the part, or the next axis, with all axes of the positioner at 0.
+    """An axis that moves the part, or the next axis, with all axes of the positioner at 0.
+
+    It turns about `axis`, or slides along it if it is prismatic. For a prismatic axis, m replaces
+    rad, N replaces N m, and kg replaces kg m².
 
     >>> turn = ac.PositionerAxis(
     ...     name="turn", axis=(0.0, 0.0, 1.0), origin=(0.8, 0.0, 0.0), lower=-6.0, upper=6.0,
     ...     velocity=1.0, acceleration=2.0,
     ... )
-    >>> turn.hold is None
+    >>> turn.jerk is None
     True
 
     Args:
@@ -105,7 +105,7 @@ class PositionerAxis(Checked):
         axis: Direction of the axis, in coordinates of the arm's base, or of the rail if the arm has
             one. All positions here have the same coordinates.
         origin: A point of the axis [m], (3,).
-        lower, upper: Ends of its range [rad].
+        lower, upper: Ends of its range [rad]; by default it turns endlessly, as a turntable.
         velocity: Largest velocity [rad/s].
         acceleration: Largest acceleration [rad/s²].
         jerk: Largest jerk [rad/s³]; by default unlimited.
@@ -113,22 +113,21 @@ class PositionerAxis(Checked):
         mass: Mass of the body between this axis and the next one, or of the table [kg].
         center: Its centre of mass [m], (3,); by default the origin.
         inertia: Its inertia about the centre of mass [kg m²], (3, 3); that of a point by default.
-        weight: Weight of its motion relative to the other joints, as for a rail.
-        hold: Position at which the axis stays [rad]; by default it moves.
+        prismatic: Whether the axis slides; by default it turns.
 
     Raises:
-        InvalidInput: The axis is zero, the range is empty, `hold` is outside, or no body can have
-            the inertia.
+        InvalidInput: The axis is zero, the range is empty, a prismatic axis has no range, or no
+            body can have the inertia.
     """
 
     fields: ClassVar = FIELDS
     name: Name
     axis: Direction
     origin: Point
-    lower: Angle
-    upper: Angle
     velocity: AngularRate
     acceleration: AngularAcceleration
+    lower: Angle | None = None
+    upper: Angle | None = None
     jerk: AngularJerk | None = None
     torque: Torque | None = None
     mass: Mass = 0.0
@@ -136,17 +135,22 @@ class PositionerAxis(Checked):
     inertia: Annotated[FloatArray, Quantity("kg m^2"), Axes(3, 3), TENSOR] = field(
         default_factory=lambda: np.zeros((3, 3))
     )
-    weight: Weight = 1.0
-    hold: Angle | None = None
+    prismatic: Annotated[bool, NO_KEY] = False
 
     def _check_together(self) -> None:
-        _check_axis(f"the axis {self.name} of a positioner", "rad", self)
+        called = f"the axis {self.name} of a positioner"
+        if self.prismatic and (self.lower is None or self.upper is None):
+            raise InvalidInput(
+                f"{capitalise(called)} slides, so it requires the ends lower and upper of its "
+                "range."
+            )
+        _check_axis(called, "m" if self.prismatic else "rad", self)
         check_inertia(f"the body after {self.name}", self.inertia)
 
 
 @declared(eq=False)
 class Positioner(Checked):
-    """Axes between the floor and the part, which turn the part while the arm works on it.
+    """Axes between the floor and the part, which move the part while the arm works on it.
 
     Paths, tool speeds and tool limits are relative to the part. The axes are the first joints of
     the arm, in the order from the part to the floor.
@@ -174,6 +178,28 @@ class Positioner(Checked):
     part: Payload | None = None
     tilt: Tilt | None = None
 
+    def seen_from(self, frame: Frame) -> Positioner:
+        """Return the positioner with its axes in the coordinates of another frame.
+
+        Args:
+            frame: The other frame, in the frame of the axes.
+        """
+        to_frame = frame.inverse
+        turned = to_frame.rotation
+        axes = []
+        for axis in self.axes:
+            center = None if axis.center is None else turned @ axis.center + to_frame.position
+            axes.append(
+                replace(
+                    axis,
+                    axis=turned @ axis.axis,
+                    origin=turned @ axis.origin + to_frame.position,
+                    center=center,
+                    inertia=turned @ axis.inertia @ turned.T,
+                )
+            )
+        return replace(self, axes=tuple(axes))
+
     def _check_together(self) -> None:
         names = [x.name for x in self.axes]
         if len(set(names)) < len(names):
@@ -181,17 +207,13 @@ class Positioner(Checked):
 
 
 def _check_axis(called: str, unit: str, axis: Rail | PositionerAxis) -> None:
-    """Check direction, range and held position of an axis; `called` and `unit` are for messages."""
+    """Check direction and range of an axis; `called` and `unit` are for messages."""
     if not np.linalg.norm(axis.axis) > 0:
         raise InvalidInput(f"The axis of {called} must be a direction, but is zero.")
-    lower, upper = axis.lower, axis.upper
+    lower = -np.inf if axis.lower is None else axis.lower
+    upper = np.inf if axis.upper is None else axis.upper
     if lower >= upper:
         raise InvalidInput(
             f"The range of {called} is empty: lower ({lower:g} {unit}) must be less than upper "
             f"({upper:g} {unit})."
-        )
-    if axis.hold is not None and not lower <= axis.hold <= upper:
-        raise InvalidInput(
-            f"hold of {called} is {axis.hold:g} {unit}, but its range is from {lower:g} to "
-            f"{upper:g} {unit}."
         )

@@ -8,9 +8,12 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import pose_solver
 from armcontour.robot.arm import MET, Arm
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 # Task dimensions, as in `pose_solver.py`:
 WHOLE = 6  # The whole tool pose.
+ONE_ROTATION = 4  # The tool point and the rotation about one direction.
+TURNED = 4  # The tool point and the rotation about the direction of parallel joints.
 POINT = 3  # The tool point only.
 # Number of joint positions at which the search starts. With this number it found all eight
 # configurations of a common six-joint arm for every one among thousands of random poses.
@@ -20,6 +23,10 @@ SEARCH_WEIGHT = 0.5
 # Weight of a radian relative to a metre in the search for the reachable tool point nearest to a
 # pose [m/rad].
 REACH_WEIGHT = 10.0
+# The same weight in the search for the smallest angle at a position [m/rad], and the distance at
+# which the position is reached [m].
+ANGLE_WEIGHT = 1e-3
+SAME_POSITION = 1e-4
 # Largest number of steps in each search.
 MAX_SEARCH_STEPS = 200
 # Number of joint positions at which the search for the nearest reachable tool point starts.
@@ -44,8 +51,9 @@ def configurations(
     Args:
         arm: The arm.
         pose: Tool pose in the work frame, (3, 4).
-        task: Task dimension: 6 for the whole pose, 5 if the rotation about the tool axis is free, 3
-            for the tool point alone.
+        task: Task dimension: 6 for the whole pose, 5 if the rotation about the tool axis is free, 4
+            for the tool point and the rotation about the direction of parallel joints, 3 for the
+            tool point alone.
         near: Joint positions at which the search starts [rad], (dof,); by default it starts from
             many positions, to find all solutions.
     """
@@ -53,6 +61,11 @@ def configurations(
         solutions = arm.closed_form.solve(arm.chain.base.matrix, pose)
         if solutions is not None:
             return solutions
+    turning = arm.tool_turning if task == WHOLE else None
+    if turning is not None:
+        if turning.missed(pose[None, :, :3], axis_only=False)[0] > REACHED_ANGLE:
+            return np.empty((0, arm.dof))
+        task = TURNED if turning.turns else POINT
     return search(arm, pose, task, near)
 
 
@@ -120,6 +133,25 @@ def out_of_reach(arm: Arm, poses: FloatArray, task: int, q: FloatArray) -> Float
         q: Joint positions at which the search starts [rad], (k, dof).
     """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
+
+
+def smallest_angle(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> float:
+    """Return the tool's smallest angle to a required orientation [rad], at the required position.
+
+    Infinite if no search reaches the position.
+
+    Args:
+        arm: The arm.
+        pose: Tool pose in the work frame, (3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions at which the search starts [rad], (k, dof).
+    """
+    target = np.ascontiguousarray(pose)
+    errors = pose_solver.approach(
+        arm.link_table, task, target, q.copy(), ANGLE_WEIGHT, MAX_SEARCH_STEPS
+    )
+    angles = errors[errors[:, 0] < SAME_POSITION, 1]
+    return float(angles.min(initial=np.inf))
 
 
 def nearest_reached(arm: Arm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:

@@ -1,8 +1,10 @@
 """Compiled kinematics and inverse dynamics of a serial chain, for many states in one call.
 
-A chain is a table of links, (dof + 1, 13): rotation, row by row, and position of the frames of all
+A chain is a table of links, (rows, 15): rotation, row by row, and position of the frames of all
 joints and of the tool, each relative to the previous frame, with z along the joint axis; then 1 if
-the joint is prismatic, otherwise 0. The first frame is relative to the work frame.
+the joint is prismatic, otherwise 0; the index of the joint whose position moves it, and the factor
+of this position. The first frame is relative to the work frame. Joints that follow another joint
+have rows of their own, so there may be more rows than joints and the tool.
 
 Many states are computed in blocks, so that the processor uses vector instructions: a row of a block
 holds one number of all its states.
@@ -46,6 +48,9 @@ MOTION = 18  # Velocity and angular velocity, then their first and second deriva
 STATE_ROWS = 36
 # Column of the table of links for kinematics that is 1 for a prismatic joint.
 SLIDES = 12
+# Columns of the table of links for kinematics: joint whose position moves the link, and its factor.
+LEADER = 13
+FACTOR = 14
 # Column of the table of links for dynamics that is 1 for a prismatic joint.
 DYNAMIC_SLIDES = 24
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
@@ -143,19 +148,21 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
     """Write the frames of joints and tool in the work frame for one state.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad or m], (dof,).
-    - `frames`: (dof + 1, 3, 4).
+    - `frames`: (rows, 3, 4).
     """
     for j in range(len(links)):
-        turns = j < len(q) and links[j, SLIDES] == 0.0
-        c, s = (math.cos(q[j]), math.sin(q[j])) if turns else (1.0, 0.0)
+        moves = j < len(links) - 1
+        position = links[j, FACTOR] * q[int(links[j, LEADER])] if moves else 0.0
+        turns = moves and links[j, SLIDES] == 0.0
+        c, s = (math.cos(position), math.sin(position)) if turns else (1.0, 0.0)
         r = rotation_of(links, j)
         p0 = links[j, 9]
         p1 = links[j, 10]
         p2 = links[j, 11]
         if links[j, SLIDES] != 0.0:
-            p0, p1, p2 = add((p0, p1, p2), q[j], (r[2], r[5], r[8]))
+            p0, p1, p2 = add((p0, p1, p2), position, (r[2], r[5], r[8]))
         for k in range(3):
             x, y, z, origin = IDENTITY[k]
             if j > 0:
@@ -170,7 +177,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Return the frames of joints and tool for many states, (n, dof + 1, 3, 4).
+    """Return the frames of joints and tool for many states, (n, rows, 3, 4).
 
     `q` are the joint positions [rad or m], (n, dof).
     """
@@ -184,13 +191,14 @@ def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
 def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
     """Return tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
     n, dof = q.shape
-    out = np.empty((n, 6, dof))
-    frames = np.empty((dof + 1, 3, 4))
+    out = np.zeros((n, 6, dof))
+    last = len(links) - 1
+    frames = np.empty((last + 1, 3, 4))
     for i in range(n):
         write_frames(links, q[i], frames)
-        for k in range(dof):
+        for k in range(last):
             frame = frames[k]
-            tool = frames[dof]
+            tool = frames[last]
             axis = frame[0, 2], frame[1, 2], frame[2, 2]
             lever = tool[0, 3] - frame[0, 3], tool[1, 3] - frame[1, 3], tool[2, 3] - frame[2, 3]
             move = cross(axis, lever)
@@ -198,8 +206,11 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
             if links[k, SLIDES] != 0.0:
                 move = axis
                 turn = (0.0, 0.0, 0.0)
-            out[i, 0, k], out[i, 1, k], out[i, 2, k] = move
-            out[i, 3, k], out[i, 4, k], out[i, 5, k] = turn
+            joint = int(links[k, LEADER])
+            factor = links[k, FACTOR]
+            for r in range(3):
+                out[i, r, joint] += factor * move[r]
+                out[i, 3 + r, joint] += factor * turn[r]
     return out
 
 
@@ -295,6 +306,7 @@ def write_base(state: FloatArray) -> None:
 @compiled(inner=True, fastmath=FUSED)
 def write_joint(
     j: int,
+    factor: float,
     begin: int,
     q: FloatArray,
     first: FloatArray,
@@ -302,14 +314,14 @@ def write_joint(
     third: FloatArray,
     joint: FloatArray,
 ) -> None:
-    """Write position and derivatives of joint j for the block of states from `begin` on."""
+    """Write position and derivatives of joint j, times a factor, for the block from `begin` on."""
     for i in range(B):
         # The last block is padded with the last state.
         index = min(begin + i, len(q) - 1)
-        joint[i] = q[index, j]
-        joint[2 * B + i] = first[index, j]
-        joint[3 * B + i] = second[index, j]
-        joint[4 * B + i] = third[index, j]
+        joint[i] = factor * q[index, j]
+        joint[2 * B + i] = factor * first[index, j]
+        joint[3 * B + i] = factor * second[index, j]
+        joint[4 * B + i] = factor * third[index, j]
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -378,28 +390,30 @@ def tool_motion(
     Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); otherwise velocity and
     angular velocity, then their derivatives, (n, 6 order).
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad or m], (n, dof).
     - `first`, `second`, `third`: their derivatives, (n, dof) each; only those up to `order` are
       used.
     """
-    n, dof = q.shape
+    n = len(q)
+    last = len(links) - 1
     result = np.empty((n, 6 * order if order else 12))
     joint = np.empty(JOINT_ROWS * B)
     state = np.empty(STATE_ROWS * B)
     slide = np.empty(B)
     for begin in range(0, n, B):
         write_base(state)
-        for j in range(dof + 1):
+        for j in range(last + 1):
             # Joint of the link
             slides = links[j, SLIDES] != 0.0
-            if j == dof:
+            if j == last:
                 write_fixed(joint)
             else:
-                write_joint(j, begin, q, first, second, third, joint)
+                leader = int(links[j, LEADER])
+                write_joint(leader, links[j, FACTOR], begin, q, first, second, third, joint)
             if slides:
                 take_slide(joint, slide)
-            elif j < dof:
+            elif j < last:
                 write_sines(joint)
             # Frame of the link
             move_to_link(links, j, joint, state)

@@ -146,8 +146,11 @@ class Limits(Checked):
 
     def _check_together(self) -> None:
         """Move infinite limits to `removed`, and check the ranges of the joints."""
-        values = [(name, x) for name in UNITS if (x := getattr(self, name)) is not None]
-        removed = [name for name, x in values if _is_unlimited(x)]
+        removed = []
+        for name in UNITS:
+            values = getattr(self, name)
+            if values is not None and _is_unlimited(values):
+                removed.append(name)
         if removed:
             for name in removed:
                 object.__setattr__(self, name, None)

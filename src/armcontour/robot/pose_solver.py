@@ -1,7 +1,8 @@
 """Compiled inverse kinematics: Newton's method, damped least squares, pose sequences.
 
 The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool axis
-is free; 3 for the tool point only. If the arm has more joints than equations, guide equations
+is free; 4 for the tool point and the rotation about the direction of all revolute joints, if they
+are parallel; 3 for the tool point only. If the arm has more joints than equations, guide equations
 `w q = w g` fix the redundant degrees of freedom: w are the rows of the guide, g its joint
 positions.
 """
@@ -15,7 +16,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
-from armcontour.robot.kernels import SLIDES, Vector, add, cross, write_frames
+from armcontour.robot.kernels import FACTOR, LEADER, SLIDES, Vector, add, cross, write_frames
 
 # In all tolerances of joints, a metre of a prismatic joint counts as a radian, because levers of
 # arms are about 1 m long.
@@ -108,9 +109,27 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @compiled(inner=True)
-def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: FloatArray) -> None:
+def first_revolute(links: FloatArray) -> int:
+    """Return the index of the first joint that turns; 0 if all slide."""
+    for k in range(len(links) - 1):
+        if links[k, SLIDES] == 0.0:
+            return k
+    return 0
+
+
+@compiled(inner=True)
+def write_task(
+    links: FloatArray,
+    task: int,
+    frames: FloatArray,
+    target: FloatArray,
+    move: Vector,
+    turn: Vector,
+    out: FloatArray,
+) -> None:
     """Write the components of a tool motion that the task prescribes into `out`, (task,).
 
+    - `frames`: frames of the joints, of which task 4 uses the axis of the first revolute joint.
     - `move`: motion of the tool point.
     - `turn`: rotation of the tool.
     """
@@ -120,12 +139,14 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
     elif task == 5:
         out[3] = dot(column(target, 0), turn)
         out[4] = dot(column(target, 1), turn)
+    elif task == 4:
+        out[3] = dot(column(frames[first_revolute(links)], 2), turn)
 
 
 class PoseEquations(NamedTuple):
     """Work arrays for the equations of one pose."""
 
-    frames: FloatArray  # Frames of the joints and of the tool, (dof + 1, 3, 4)
+    frames: FloatArray  # Frames of the joints and of the tool, (rows, 3, 4)
     rows: FloatArray  # Derivative of the tool pose by q, (task, dof) or more rows
     error: FloatArray  # Pose error, (task,) or longer
 
@@ -138,47 +159,63 @@ def write_equations(
 
     The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     from the pose to the target [rad]. For task 5 they are the components of the rotation vector
-    between the tool axes along the target's x and y axes [rad].
+    between the tool axes along the target's x and y axes [rad]. For task 4 the other is the
+    component of the rotation vector along the axis of the first revolute joint [rad].
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad or m], (dof,).
     - `target`: (3, 4).
     """
-    dof = len(q)
+    last = len(links) - 1
     rows = out.rows
     frames = out.frames
     write_frames(links, q, frames)
-    pose = frames[dof]
-    for k in range(dof):
-        axis = column(frames[k], 2)
-        lever = add(column(pose, 3), -1.0, column(frames[k], 3))
+    pose = frames[last]
+    for r in range(task):
+        for k in range(len(q)):
+            rows[r, k] = 0.0
+    for j in range(last):
+        axis = column(frames[j], 2)
+        lever = add(column(pose, 3), -1.0, column(frames[j], 3))
         move = cross(axis, lever)
-        if links[k, SLIDES] != 0.0:
+        if links[j, SLIDES] != 0.0:
             move = axis
             axis = (0.0, 0.0, 0.0)
-        rows[0, k], rows[1, k], rows[2, k] = move
+        # Joints that follow another one add their motion to its column.
+        k = int(links[j, LEADER])
+        factor = links[j, FACTOR]
+        for r in range(3):
+            rows[r, k] += factor * move[r]
         if task == 6:
-            rows[3, k], rows[4, k], rows[5, k] = axis
+            for r in range(3):
+                rows[3 + r, k] += factor * axis[r]
         elif task == 5:
-            rows[3, k] = dot(column(target, 0), axis)
-            rows[4, k] = dot(column(target, 1), axis)
+            rows[3, k] += factor * dot(column(target, 0), axis)
+            rows[4, k] += factor * dot(column(target, 1), axis)
+        elif task == 4:
+            rows[3, k] += factor * dot(column(frames[first_revolute(links)], 2), axis)
     turn = (0.0, 0.0, 0.0)
     cosine = 0.0
-    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for task 6.
-    for k in range(0 if task == 6 else 2, 3):
+    whole = task == 6 or task == 4
+    # Sum up the sine (times the axis) and cosine of the rotation to the target, doubled for whole
+    # rotations.
+    for k in range(0 if whole else 2, 3):
         turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
         cosine += dot(column(pose, k), column(target, k))
-    cosine -= 1.0 if task == 6 else 0.0
+    cosine -= 1.0 if whole else 0.0
     sine = math.sqrt(dot(turn, turn))
-    scale = 0.5 if task == 6 else 1.0
+    scale = 0.5 if whole else 1.0
     if sine > SMALLEST_SINE:
         scale = math.atan2(sine, cosine) / sine
     elif cosine < 0.0:
         # At half a turn the axis is undefined; a rotation about any axis makes progress.
         turn = (1.0, 0.0, 0.0) if task == 6 else column(target, 0)
+        if task == 4:
+            turn = column(frames[first_revolute(links)], 2)
         scale = math.pi
     move = add(column(target, 3), -1.0, column(pose, 3))
-    write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), out.error)
+    turn = add((0.0, 0.0, 0.0), scale, turn)
+    write_task(links, task, frames, target, move, turn, out.error)
 
 
 @compiled()
@@ -191,7 +228,7 @@ def solve_poses(
     the guide equations `w (q + dq) = w g`. The guide equations use only w[:, 0] and g[:, 0];
     derivatives in w[:, 1:] and g[:, 1:] are ignored.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `task`: task dimension.
     - `q`: initial guesses [rad], (n, dof); overwritten.
     - `targets`: target poses, (n, 3, 4).
@@ -201,7 +238,7 @@ def solve_poses(
     converged = np.empty(n, np.bool_)
     a = np.empty((dof, dof))
     b = np.empty(dof)
-    equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
+    equations = PoseEquations(np.empty((len(links), 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
         for _ in range(MAX_NEWTON_ITERATIONS):
@@ -261,7 +298,7 @@ def path_derivatives(
     the orientation are `x . omega = x . turn` for the target's x and y axes, which rotate with the
     target.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions at the poses [rad], (n, dof).
     - `targets`: (n, 3, 4).
     - `rates`: `PathRates` of the targets, (n, 4, 3).
@@ -272,7 +309,7 @@ def path_derivatives(
     dq_ds = np.empty((n, dof))
     d2q_ds2 = np.empty((n, dof))
     pivot_ratio = np.empty(n)
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     a = np.empty((dof, dof))
     b = np.empty(dof)
     copy = np.empty((dof, dof))
@@ -285,7 +322,7 @@ def path_derivatives(
         for r in range(task, dof):
             write_row(w[i, 0, r - task], a[r])
         # First derivative: w dq = w dg - dw (q - g)
-        write_task(task, targets[i], rate.move, rate.turn, b)
+        write_task(links, task, frames, targets[i], rate.move, rate.turn, b)
         for r in range(task, dof):
             b[r] = 0.0
             for k in range(dof):
@@ -321,41 +358,43 @@ def write_second_task(
     task: int,
     frames: FloatArray,
     target: FloatArray,
-    rate: PathRates,
+    path_rates: PathRates,
     b: FloatArray,
 ) -> None:
     """Replace dq, (dof,), by the target's acceleration less the tool's for `ddq = 0`, (task,)."""
-    dof = len(b)
     # Angular velocity of the tool, and its acceleration and angular acceleration for ddq = 0,
     # from joint to joint
     turned = tool_acceleration = twisted = (0.0, 0.0, 0.0)
-    for k in range(dof):
+    for k in range(len(links) - 1):
         # The rotation of the previous link turns the joint axis, which adds omega x axis dq.
         axis = column(frames[k], 2)
+        rate = links[k, FACTOR] * b[int(links[k, LEADER])]
         if links[k, SLIDES] != 0.0:
             # The Coriolis acceleration is 2 omega x axis dq; it does not turn later links.
-            tool_acceleration = add(tool_acceleration, 2.0 * b[k], cross(turned, axis))
+            tool_acceleration = add(tool_acceleration, 2.0 * rate, cross(turned, axis))
         else:
-            twisted = add(twisted, b[k], cross(turned, axis))
-            turned = add(turned, b[k], axis)
+            twisted = add(twisted, rate, cross(turned, axis))
+            turned = add(turned, rate, axis)
         lever = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
         tool_acceleration = add(tool_acceleration, 1.0, cross(twisted, lever))
         tool_acceleration = add(tool_acceleration, 1.0, cross(turned, cross(turned, lever)))
     # The tool may rotate about its axis at another rate than the target, so the difference of the
     # angular velocities is along the tool axis.
-    free = cross(add(rate.turn, -1.0, turned), rate.turn)
-    twist = add(add(rate.twist, -1.0, twisted), 1.0, free)
-    write_task(task, target, add(rate.acceleration, -1.0, tool_acceleration), twist, b)
+    free = cross(add(path_rates.turn, -1.0, turned), path_rates.turn)
+    twist = add(add(path_rates.twist, -1.0, twisted), 1.0, free)
+    acceleration = add(path_rates.acceleration, -1.0, tool_acceleration)
+    write_task(links, task, frames, target, acceleration, twist, b)
 
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the self-motion at a fixed tool pose, (n, dof - task, dof).
 
-    For task 5 the tool may rotate about its axis, for task 3 about the tool point. The basis is
-    made by Gram-Schmidt orthogonalization.
+    For task 5 the tool may rotate about its axis, for task 3 about the tool point. Joints of an arm
+    with task 4 cannot rotate the tool about other directions. The basis is made by Gram-Schmidt
+    orthogonalization.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `q`: joint positions [rad], (n, dof).
     - `targets`: (n, 3, 4).
     """
@@ -363,7 +402,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     basis = np.empty((n, dof - task, dof))
     rows = np.empty((dof, dof))
     residual = np.empty(dof)
-    equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    equations = PoseEquations(np.empty((len(links), 3, 4)), rows, np.empty(dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
@@ -444,13 +483,13 @@ def approach(
     Steps are those of `write_shortest_step` (Wampler, IEEE Trans. Syst. Man Cybern. 16, 93-101,
     1986). The damping decreases after a step that reduces the error, and increases otherwise.
 
-    - `links`: (dof + 1, 13).
+    - `links`: (rows, 15).
     - `target`: (3, 4).
     - `q`: initial positions, (n, dof); overwritten.
     - `weight`: weight of a radian relative to a metre [m/rad].
     """
     n, dof = q.shape
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     square = np.empty((6, 6))
     right = np.empty(6)
     best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
@@ -539,7 +578,7 @@ def follow(
     - `reached`: output, number of reached poses of each branch, with the first.
     """
     branches, n, dof = q.shape
-    frames = np.empty((dof + 1, 3, 4))
+    frames = np.empty((len(links), 3, 4))
     square = np.empty((6, 6))
     right = np.empty(6)
     equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -19,6 +19,8 @@ from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
 from armcontour.robot.external_axes import FIELDS, Positioner, PositionerAxis, Rail
 from armcontour.robot.limits import JOINT_VALUES, Limits, select_joints
+from armcontour.robot.preferences import JointPreference, Prefer
+from armcontour.robot.preferred_chain import apply_preferences, narrow_ranges
 
 if TYPE_CHECKING:
     from armcontour.robot.scene import ArmShapes
@@ -99,6 +101,9 @@ class SerialArm(Arm):
     @cached_property
     def moves_in_a_plane(self) -> bool:
         """True if the joints move the tool in a plane only."""
+        if self.chain.followers:
+            # Linkages move the tool along circles, whose planes the axes do not tell.
+            return False
         jacobian = self.jacobian(np.zeros(self.dof))
         slides = self.chain.slides
         # The angular part of the Jacobian has the revolute joint axes as columns.
@@ -132,6 +137,25 @@ class SerialArm(Arm):
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
     @checked
+    def with_base_moved(self, moved: Pose) -> SerialArm:
+        """Return the arm with its base, and its rail, moved in the cell.
+
+        The part and a positioner stay. The bodies on the floor move with the base.
+
+        Args:
+            moved: Displacement of the base in the work frame, with a positioner's axes at 0: a
+                Frame, a 4 by 4 transform, a pinocchio.SE3 or a position [m].
+        """
+        frame = Frame.from_pose(moved)
+        chain = self.chain.with_base_moved(frame)
+        arm = self._with(chain, "closed_form")
+        if chain.positioner is None or not self.knows_shapes:
+            return arm
+        base = self.chain.base
+        seen = (base.inverse @ frame @ base).inverse
+        return arm.with_shapes(partial(_seen_from_floor, self, chain.floor, seen))
+
+    @checked
     def with_rail(self, rail: Rail) -> SerialArm:
         """Return the arm on a rail, which is its first joint.
 
@@ -150,6 +174,61 @@ class SerialArm(Arm):
             positioner: The positioner.
         """
         return self._with_first(self.chain.on_positioner(positioner), positioner.axes[::-1])
+
+    @checked
+    def with_preferences(
+        self, preferences: Mapping[str, JointPreference], *, prefer: Prefer | None = None
+    ) -> SerialArm:
+        """Return the arm with preferences for the motion of its joints.
+
+        >>> from armcontour.robot import JointPreference
+        >>> rail = ac.Rail(axis=(1.0, 0.0, 0.0), upper=3.0, velocity=1.0, acceleration=2.0)
+        >>> arm = ac.load_arm("ur10e").with_rail(rail)
+        >>> arm = arm.with_preferences({"rail": JointPreference(range=(0.5, 2.5))})
+        >>> float(arm.limits.joint_upper[0])
+        2.5
+
+        Args:
+            preferences: Preferences by the names of the joints, which are also those of a rail
+                ("rail") and of the axes of a positioner. They replace earlier ones for the same
+                joints, but a narrower range remains.
+            prefer: What the planner prefers if a redundant arm can follow a path in several ways:
+                "fastest" takes the shortest duration, "least motion" the least weighted motion of
+                the joints. By default it takes the least motion among those that are almost as
+                fast as the fastest one.
+
+        Raises:
+            InvalidInput: A joint does not exist, all joints are held, or a held position or a range
+                is outside the joint's own range.
+        """
+        chain = apply_preferences(self.chain, self.limits, self.name, preferences, prefer)
+        return self._copy(chain=chain, limits=narrow_ranges(self.limits, chain))
+
+    def hold_still(self, q: FloatArray) -> SerialArm:
+        """Return the arm whose still joints are held at their positions.
+
+        Args:
+            q: Positions of all joints [rad], (dof,).
+        """
+        still = self.chain.still
+        return self.holding({k: float(q[k]) for k in still}) if still else self
+
+    def holding(self, positions: Mapping[int, float]) -> SerialArm:
+        """Return the arm with further joints held, and no joints that are still.
+
+        Args:
+            positions: Positions of the joints [rad], by index.
+        """
+        chain = self.chain.replace(held={**self.chain.held, **positions}, still=())
+        return self._copy(chain=chain)
+
+    def weighting(self, weights: FloatArray) -> SerialArm:
+        """Return the arm with other weights of its joint motions.
+
+        Args:
+            weights: Positive weights, (dof,).
+        """
+        return self._copy(chain=self.chain.replace(weights=weights))
 
     def _with_first(self, chain: Chain, axes: Sequence[Rail | PositionerAxis]) -> SerialArm:
         """Return the arm with the chain that has external axes before its own joints."""
@@ -172,11 +251,16 @@ class SerialArm(Arm):
         arm = self._with_chain(chain, limits, assumed)
         return arm.with_shapes(partial(_on_later_links, self, chain)) if self.knows_shapes else arm
 
-    def without_held(self) -> SerialArm:
-        """Return the arm for kinematics in which the held joints are rigid."""
-        moving = np.setdiff1d(np.arange(self.dof), list(self.chain.held))
+    def without_held(self, released: Collection[int] = ()) -> SerialArm:
+        """Return the arm for kinematics in which the held joints are rigid.
+
+        Args:
+            released: Indices of held joints that move in this arm.
+        """
+        held = {k: x for k, x in self.chain.held.items() if k not in released}
+        moving = np.setdiff1d(np.arange(self.dof), list(held))
         limits = select_joints(self.limits, moving)
-        return self._with_chain(self.chain.without_held(), limits, None)
+        return self._with_chain(self.chain.replace(held=held).without_held(), limits, None)
 
     @cached_property
     def from_floor(self) -> SerialArm:
@@ -248,15 +332,39 @@ class SerialArm(Arm):
         return arm
 
 
+def _seen_from_floor(arm: SerialArm, floor: Frame, seen: Frame) -> ArmShapes:
+    """Return the shapes of an arm whose floor has moved against its positioner.
+
+    - `floor`: the new frame of the floor in the frame of its link.
+    - `seen`: the previous floor in the frame of the new one.
+    """
+    shapes = arm.shapes
+    assert shapes is not None
+    placed = []
+    for shape in shapes.shapes:
+        place = shape.place
+        # The frames of the axes are parallel to the floor, and their origins do not move. Link 0 is
+        # the table, whose frame is that of the floor with the axes at 0.
+        if shape.link == 0:
+            place = seen @ place
+        elif shape.link < arm.chain.floor_link:
+            place = Frame(rotation=seen.rotation) @ place
+        elif shape.link == arm.chain.floor_link:
+            place = floor @ arm.chain.floor.inverse @ place
+        placed.append(replace(shape, place=place))
+    return replace(shapes, shapes=tuple(placed))
+
+
 def _on_later_links(arm: SerialArm, chain: Chain) -> ArmShapes:
     """Return the shapes of an arm for the chain with external axes before its joints."""
     shapes = arm.shapes
     first = len(chain) - arm.dof
     assert shapes is not None
-    # The base of an arm on a rail is the link of the rail, otherwise it is fixed to the floor.
-    floor = chain.floor if chain.floor_link == first else Frame()
+    # The arm's base is at this position in the last link before its first joint: on a rail or,
+    # with a positioner, on the floor.
+    base = Frame(position=chain.positions[first] - arm.chain.positions[0])
     moved = [
-        replace(x, link=x.link + first, place=x.place if x.link else floor @ x.place)
+        replace(x, link=x.link + first, place=x.place if x.link else base @ x.place)
         for x in shapes.shapes
     ]
     return replace(shapes, shapes=tuple(moved))

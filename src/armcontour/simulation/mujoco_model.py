@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampled_data import spread_indices
 from armcontour.motion import SetPoints
@@ -29,6 +29,8 @@ STOPPING_STEPS = 2.0
 ZERO_INERTIA_SHARE = 1e-12
 # ... or at most this [kg m²].
 ZERO_INERTIA = 1e-13
+# Beginning of the names of joints, which their index in the chain follows.
+LINK = "link "
 # Stability is checked at up to this number of set-points before the simulation.
 MAX_CHECKS = 50
 # Largest product of an integration step and the fastest rate of viscous damping; the integrator is
@@ -65,14 +67,11 @@ def function_addresses() -> Functions:
 def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     """Build the MuJoCo model of a chain; its payload becomes part of the last link.
 
+    The joints of a positioner are before those of the arm, from the floor; see `order_of`.
+
     - `step`: integration step [s].
     - `friction`: whether the joints have viscous and dry friction.
     """
-    if chain.positioner is not None:
-        raise InvalidInput(
-            "A rigid-body plant cannot simulate a positioner. Remove arm.positioner, or the "
-            "simulation of rigid bodies."
-        )
     mujoco = import_mujoco()
     spec = mujoco.MjSpec()
     spec.option.timestep = step
@@ -94,20 +93,27 @@ def build_model(chain: Chain, step: float, *, friction: bool) -> Any:
     # with rounding errors, and links without mass, although the dynamics support them.
     model.body_mass[1:] = masses
     model.body_inertia[1:] = moments
+    order = order_of(model)
     if friction:
-        model.dof_damping[:] = np.asarray(chain.viscous)
-        model.dof_frictionloss[:] = np.asarray(chain.coulomb)
+        model.dof_damping[:] = np.asarray(chain.viscous)[order]
+        model.dof_frictionloss[:] = np.asarray(chain.coulomb)[order]
     model.dof_solimp[:] = [MAX_IMPEDANCE, MAX_IMPEDANCE, 1e-3, 0.5, 2.0]
     set_step(model, step)
     # Joints without inertia are detected while every joint has an additional inertia, because
     # MuJoCo would otherwise write a warning to a file.
     for added_inertia in (1.0, 0.0):
-        model.dof_armature[:] = added_inertia + np.asarray(chain.armature)
+        model.dof_armature[:] = added_inertia + np.asarray(chain.armature)[order]
         mujoco.mj_setConst(model, mujoco.MjData(model))
         if added_inertia:
             q = np.zeros(len(chain))
             _check_inertia(chain, mass_matrix(model, q) - added_inertia * np.eye(model.nv))
     return model
+
+
+def order_of(model: Any) -> IntArray:
+    """Return the index in the chain of each joint of a model, (dof,)."""
+    names = [model.joint(k).name for k in range(model.njnt)]
+    return np.array([int(x.removeprefix(LINK)) for x in names], dtype=np.intp)
 
 
 def set_step(model: Any, step: float) -> None:
@@ -133,25 +139,28 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
     # One state is used for all positions, because allocating it takes longer than a matrix.
     data = mujoco.MjData(model)
     units = np.eye(model.nv)
+    order = order_of(model)
     matrices = np.empty((len(q), model.nv, model.nv))
     for position, matrix in zip(q, matrices, strict=True):
-        data.qpos[:] = position
+        data.qpos[:] = position[order]
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
             compute(model, data)
         for column, unit in zip(matrix, units, strict=True):
             mujoco.mj_mulM(model, data, column, unit)
-    return matrices
+    in_chain = np.argsort(order)
+    return matrices[:, in_chain][:, :, in_chain]
 
 
 def gravity_torques(model: Any, data: Any, q: FloatArray) -> FloatArray:
     """Return gravity torques at the links' positions q [N m], (dof,); overwrite `data`."""
     mujoco = import_mujoco()
     torque = np.zeros(model.nv)
-    data.qpos[:] = q
+    order = order_of(model)
+    data.qpos[:] = q[order]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_rne(model, data, 0, torque)
-    return torque
+    return torque[np.argsort(order)]
 
 
 def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
@@ -167,11 +176,33 @@ def _check_inertia(chain: Chain, matrix: FloatArray) -> None:
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
     """Add the links of a chain to a specification; return masses and principal moments."""
+    masses: list[float] = []
+    moments: list[FloatArray] = []
+    first = chain.floor_link
+    part = chain.part_branch
+    branches = [(chain.arm_branch, range(first, len(chain)))]
+    if part is not None:
+        branches.insert(0, (part, range(first - 1, -1, -1)))
+    for branch, numbers in branches:
+        _add_branch(mujoco, spec, branch, numbers, masses, moments)
+    return masses, moments
+
+
+def _add_branch(
+    mujoco: Any,
+    spec: Any,
+    chain: Chain,
+    numbers: range,
+    masses: list[float],
+    moments: list[FloatArray],
+) -> None:
+    """Add the links of a branch from the floor, and append their masses and principal moments.
+
+    - `numbers`: index of each joint of the branch in the whole chain.
+    """
     body = spec.worldbody
-    masses = []
-    moments = []
     slides = chain.slides
-    for k in range(len(chain)):
+    for k, number in enumerate(numbers):
         mass, center, inertia = _link_body(chain, k)
         principal, axes = np.linalg.eigh(inertia)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
@@ -186,10 +217,9 @@ def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[
         )
         kinds = mujoco.mjtJoint
         kind = kinds.mjJNT_SLIDE if slides[k] else kinds.mjJNT_HINGE
-        body.add_joint(name=f"link {k}", type=kind, axis=chain.axes[k])
+        body.add_joint(name=f"{LINK}{number}", type=kind, axis=chain.axes[k])
         masses.append(mass)
         moments.append(np.maximum(principal, 0.0))
-    return masses, moments
 
 
 def _link_body(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:

@@ -369,20 +369,23 @@ class _Robot:
         )
         self.controller_data = self.mujoco.MjData(self.controller_model)
         self.rng = np.random.default_rng(plant.seed)
-        self.data.qpos[:], torque = self._equilibrium(np.array(set_points.q[0]))
+        # Drives are simulated in the order of the model's joints.
+        self.order = mujoco_model.order_of(self.model)
+        start, torque = self._equilibrium(np.array(set_points.q[0]))
+        self.data.qpos[:] = start[self.order]
         self.functions = mujoco_model.function_addresses()
         self.bodies = Bodies.from_model(self.model, self.data)
         self.controller = Bodies.from_model(self.controller_model, self.controller_data)
         ki = np.array(plant.servo.ki)
         integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
-            kp=np.array(plant.servo.kp),
-            kv=np.array(plant.kv),
-            ki=ki,
-            integral=integral,
+            kp=np.array(plant.servo.kp)[self.order],
+            kv=np.array(plant.kv)[self.order],
+            ki=ki[self.order],
+            integral=integral[self.order],
             step=step,
-            inertia=np.array(plant.nominal_inertia),
-            limit=np.array(plant.torque_limit),
+            inertia=np.array(plant.nominal_inertia)[self.order],
+            limit=np.array(plant.torque_limit)[self.order],
             gravity_feedforward=plant.gravity_feedforward,
             gravity_added=plant._gravity_added,
         )
@@ -411,7 +414,10 @@ class _Robot:
         noise = np.empty((0, dof))
         if self.plant.noise:
             noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
-        commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
+            noise = np.ascontiguousarray(noise[:, self.order])
+        commands, integrated = (
+            np.ascontiguousarray(x[:, self.order]) for x in (commands, integrated)
+        )
         # The steps are divided into calls, because Python handles signals only between calls.
         at_once = max(1, MAX_CALL_STEPS // self.parts)
         for first in range(0, n, at_once):
@@ -423,7 +429,9 @@ class _Robot:
             if reached != end:
                 self._raise_runaway(reached)
         self.steps += n
-        return _DriveRecord.from_steps(*rows, self.step)
+        in_chain = np.argsort(self.order)
+        ordered = Rows(*(np.ascontiguousarray(x[:, in_chain]) for x in rows))
+        return _DriveRecord.from_steps(*ordered, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Find rest positions [rad] and the loops' torques at rest [N m], (dof,) each.
@@ -471,8 +479,9 @@ class _Robot:
     def _raise_runaway(self, k: int) -> None:
         """Raise the error for a joint that is faster than `RUNAWAY_SPEED` in step k of a call."""
         velocity = np.abs(self.data.qvel)
-        j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
-        speed = velocity[j]
+        k_model = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
+        speed = velocity[k_model]
+        j = int(self.order[k_model])
         unit = self.plant.chain.unit("rad/s", j)
         t = self.start + (self.steps + k + 1) * self.step
         raise ExecutionError(

@@ -172,7 +172,7 @@ def place(
         grid: Displacements of the part or base along "x", "y" and "z" [m] and "yaw" about z [rad],
             in the coordinates of the path, (n,) each.
         move: Moved object: the "part", with the obstacles that are fixed to it, about the middle of
-            its path; or the "base" of the arm, about its origin.
+            its path; or the "base" of the arm, with its rail, about its origin. A positioner stays.
         run: Name of the run; by default the only one, or the only one with the timing optimal.
         processes: Number of processes; by default one per processor if there are many places.
         executor: Your own executor; then `processes` is ignored.
@@ -183,10 +183,6 @@ def place(
         ExecutionError: A process ended before its work was done.
     """
     checks.check_choice("move", move, (PART, BASE))
-    checks.raise_if(
-        move == BASE and job.arm.chain.positioner is not None,
-        "The base of an arm with a positioner cannot be placed. Place the part.",
-    )
     axes = _read_grid(grid, job.arm.dimension)
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen = choose_run(job, run, "placed", optimal)
@@ -290,6 +286,8 @@ def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
         obstacles = (_place_obstacle(x, job, frame, moved) for x in scene.obstacles)
         scene = replace(scene, obstacles=tuple(obstacles))
     if isinstance(arm, SerialArm):
+        if moved == BASE:
+            return replace(job, arm=arm.with_base_moved(frame), scene=scene)
         return replace(job, arm=arm.with_work(arm.chain.base.inverse @ part_frame), scene=scene)
     program = Program.from_path(job.path).placed(part_frame)
     path = program.single_path or program

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import unit_of
+from armcontour.core.quantities import read_plain, unit_of, write_like
 from armcontour.core.text import Keys
 from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_file import GEOMETRY_KEYS
@@ -22,7 +22,7 @@ from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.document import Document
-from armcontour.studio.edits.keys import run_of, value_of
+from armcontour.studio.edits.keys import EXTERNAL_AXES, run_of, shown_unit, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_on_base
 from armcontour.studio.slider_ranges import SLIDER_RANGES
@@ -96,6 +96,44 @@ def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:
     }
 
 
+def shown_values(data: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return written values of external axes in the units of the page, by key.
+
+    The text of a value contains its unit; that of a list only numbers.
+    """
+    rows = dict[str, dict[str, str]]()
+    for keys in EXTERNAL_AXES:
+        rows.update(_shown_values(keys, value_at(data, keys)))
+    return rows
+
+
+def _shown_values(keys: Keys, written: Any) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield the values in a mapping or list of external axes, with their keys."""
+    if isinstance(written, Mapping):
+        for name, value in written.items():
+            yield from _shown_values((*keys, name), value)
+    elif isinstance(written, list) and any(isinstance(x, Mapping) for x in written):
+        for k, value in enumerate(written):
+            yield from _shown_values((*keys, k), value)
+    elif (row := _shown_value(keys, written)) is not None:
+        yield ".".join(map(str, keys)), row
+
+
+def _shown_value(keys: Keys, written: Any) -> dict[str, str] | None:
+    """Return a value in the unit of the page; None if it is shown as written."""
+    values = written if isinstance(written, list) else [written]
+    kind = quantity_of(JobModel, (*keys, 0) if isinstance(written, list) else keys)
+    if kind is None or not (unit := shown_unit(keys, kind)):
+        return None
+    try:
+        texts = [str(write_like(read_plain(x, kind), f"1 {unit}", kind)) for x in values]
+    except ValueError:
+        return None
+    if isinstance(written, list):
+        texts = [x.removesuffix(f" {unit}") for x in texts]
+    return {"text": ", ".join(texts), "unit": unit}
+
+
 @dataclass(frozen=True, slots=True)
 class JobState:
     """The job of the document without the edits of active gestures.
@@ -143,6 +181,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "waypoints": [] if handles is None else _waypoints(handles),
         "data": {**data, "path": _options(data.get("path"))},
         "values": {} if state.job is None else slider_rows(data, state.job, run),
+        "shown": shown_values(data),
         "layers": [] if state.job is None else _layers(state.job),
         "touch_columns": _touch_columns(state.job),
         "tilt": None if handles is None else tilt_of(handles, data),

@@ -26,7 +26,7 @@ from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
 from armcontour.program import Program
-from armcontour.report.arm_frame import triangles_of
+from armcontour.report.triangles import triangles_of
 from armcontour.report.view import Plane, View, in_space
 from armcontour.robot.scene import BASE, HalfSpace, Obstacle
 from armcontour.studio.model_reader import is_model_file

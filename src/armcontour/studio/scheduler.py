@@ -17,7 +17,7 @@ from armcontour.core.progress import Step
 from armcontour.jobs import Job
 from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
-from armcontour.report.arm_frame import arm_frame
+from armcontour.report.arm_frame import arm_frame, path_points
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import View
 from armcontour.robot import Arm
@@ -75,13 +75,13 @@ class ShownResults:
 
     Args:
         planned: Newest plan; None without one.
-        sent_parts: Arm and scene that the pages show.
+        sent_parts: Arm, scene and `path_points` that the pages show.
         plan_times: Computing times of the last two plans [s].
         drawn: Path that the pages show without a plan.
     """
 
     planned: Preview | None = None
-    sent_parts: tuple[Arm, Scene | None] | None = None
+    sent_parts: tuple[Arm, Scene | None, list[list[float]] | None] | None = None
     plan_times: tuple[float, float] = (0.0, 0.0)
     drawn: Program | None = None
 
@@ -349,9 +349,12 @@ class Scheduler:
     def _show_arm(self, state: DocumentState, job: Job) -> None:
         """Send arm and scene if they differ from those that the pages show."""
         parts = state.results.sent_parts
-        if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
+        corners = path_points(job)
+        points = None if corners is None else corners.tolist()
+        shown = job.arm, job.scene, points
+        if parts is None or parts[0] is not job.arm or parts[1:] != shown[1:]:
             if self._deliver(arm_frame(job), state):
-                state.results.sent_parts = job.arm, job.scene
+                state.results.sent_parts = shown
 
     def _refuse(
         self, state: DocumentState, error: ArmContourError, planned: Preview | None = None

@@ -399,12 +399,14 @@ def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray,
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
     """Return the angle between the tool and the required tool orientation [rad], (n,).
 
-    If the path requires only an axis, the angle is between the tool axes.
+    If the path requires only an axis, the angle is between the tool axes. If it allows a cone
+    around this axis, the result is the angle by which the tool axis is outside the cone.
 
     - `s`: arc lengths [m], (n,).
     - `turned`: rotation matrices of the tool, (n, 3, 3).
     """
-    return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
+    angles = turns_between(orientation(s), turned, axis_only=orientation.axis_only)
+    return np.maximum(angles - orientation.cone, 0.0)
 
 
 def smallest_angles(

@@ -56,8 +56,8 @@ class Evaluation(Result, Frozen):
         objective_coverage_error: Largest distance from the objective path to the tool [m]; None if
             the objective path is unknown.
         orientation_error: Angle between the tool orientation (or tool axis, if only the axis is
-            required) and the required one at the path point [rad]; None if no orientation is
-            required.
+            required) and the required one at the path point [rad]; outside its cone, if the path
+            has one; None if no orientation is required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed on the contours while the process is at work [m/s].
         rapid_speed: Largest tool speed in rapids and in leads without the process [m/s]; None if

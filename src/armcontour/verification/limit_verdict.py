@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.render import Result, number
 from armcontour.core.result import Data, Row
@@ -436,39 +435,47 @@ def has_checkable_jerk(law: TimeLaw, limits: Limits, start: FloatArray) -> bool:
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Return the largest ratio of each specified limit that can be evaluated, by its name."""
-    # In a program, limits of the tool apply along contours, limits of the joints in every move.
-    largest: dict[str, float] = {}
-    for motion, bounds in _parts(trajectory, limits):
-        for name, ratio in _largest_ratios(motion, arm, bounds).items():
-            largest[name] = max(ratio, largest.get(name, ratio))
-    return largest
-
-
-def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
-    """Yield motions, each with the limits that apply to all of its times."""
+    breaks = trajectory.smooth_breaks
     if all(x.kind == "contour" for x in trajectory.spans):
-        yield trajectory, limits
-        return
-    yield trajectory, limits.of_joints
-    for span in trajectory.contour_spans:
-        if span.trajectory is not None:
-            yield span.trajectory, limits.of_tool
+        return _largest_ratios(trajectory, arm, limits, breaks)
+    # Limits of the tool apply along contours, limits of the joints in every move.
+    middles = (breaks[:-1] + breaks[1:]) / 2
+    span = np.searchsorted([x.t[1] for x in trajectory.spans], middles)
+    on_contour = np.array([x.kind == "contour" for x in trajectory.spans])[span]
+    return {
+        **_largest_ratios(trajectory, arm, limits.of_joints, breaks),
+        **_largest_ratios(trajectory, arm, limits.of_tool, breaks, on_contour),
+    }
 
 
-def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Return the largest ratio of each limit in a motion, by name of the limit."""
-    breaks = motion.smooth_breaks
+def _largest_ratios(
+    motion: Trajectory,
+    arm: Arm,
+    limits: Limits,
+    breaks: FloatArray,
+    chosen: BoolArray | None = None,
+) -> dict[str, float]:
+    """Return the largest ratio of each limit in a motion, by name of the limit.
+
+    - `breaks`: times between which the motion is smooth [s], (n + 1,).
+    - `chosen`: mask of the intervals between breaks that count, (n,); by default all.
+    """
+    begins = breaks[:-1]
+    ends = breaks[1:]
+    if chosen is not None:
+        begins = begins[chosen]
+        ends = ends[chosen]
     jerk = has_checkable_jerk(motion, limits, motion.starts[:1])
     # Number of times per interval with which the motion has FEWEST_TIMES and ENOUGH times.
-    few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST_TIMES, ENOUGH))
+    few, enough = (-(-x // len(begins)) for x in (FEWEST_TIMES, ENOUGH))
     count = max(MIN_PER_INTERVAL, few, min(MAX_TIMES_PER_INTERVAL, enough))
     fractions = np.linspace(0.0, 1.0, count)[:, None]
     size = max(1, CHUNK // count)
     best: dict[str, float] = {}
-    for first in range(0, len(breaks) - 1, size):
-        ends = breaks[first : first + size + 1]
-        t = ends[:-1] + fractions * np.diff(ends)
-        t[-1] = ends[1:]
+    for first in range(0, len(begins), size):
+        part = slice(first, first + size)
+        t = begins[part] + fractions * (ends[part] - begins[part])
+        t[-1] = ends[part]
         for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerk)[-1]:
             name = use.name
             ratio = use.ratio.reshape(*t.shape, -1)

@@ -11,7 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.files.tables import refusals
 
-from armcontour.files.exports import SetPointTable, TemplateFormat, URScriptFormat
+from armcontour.files.exports import (
+    RosYamlFormat,
+    SetPointTable,
+    TemplateFormat,
+    URScriptFormat,
+)
 from armcontour.files.exports.template import BUILT_IN
 from armcontour.motion import TimedEvent
 
@@ -145,7 +150,7 @@ def test_an_abb_module_has_a_valid_rapid_name(table, tmp_path):
         ("a" * 33, "a{25}_[0-9a-f]{6}"),
     ):
         text = export(dataclasses.replace(table(6), name=name), tmp_path, "abb")
-        about = f"  ! {name}: 9 points in 0.032000 s, axes in degrees"
+        about = f"  ! {name}: 9 points in 0.032000 s"
         first, second = text.splitlines()[:2]
         assert re.fullmatch(f"MODULE {module}", first) and second == about
 
@@ -334,6 +339,17 @@ def test_prismatic_joints_are_external_axes_in_mm(table, tmp_path):
     abb = re.findall(rf"MoveAbsJ \[\[([^\]]*)\], \[({NUMBER})(?:, 9E9){{5}}\]\]", text)
     values = [[*map(float, x.split(", ")), float(y)] for x, y in abb]
     np.testing.assert_allclose(values, np.column_stack([turned, slid]), rtol=0, atol=6e-7)
+    # The headers say which axis of the controller is which joint, and in which unit.
+    rail, *arm = exported.joint_names
+    krl = export(exported, tmp_path, "kuka").splitlines()
+    assert f"; Joints A1 to A6 in deg: {', '.join(arm)}" in krl
+    assert f"; External axes: E1 {rail} (mm)" in krl
+    assert f"  ! Joints rax_1 to rax_6 in deg: {', '.join(arm)}" in text.splitlines()
+    assert f"  ! External axes: eax_a {rail} (mm)" in text.splitlines()
+    units = ", ".join([f"{rail} [m]", *(f"{x} [rad]" for x in arm)])
+    RosYamlFormat().write(exported, tmp_path / "made.yaml")
+    lines = (tmp_path / "made.yaml").read_text(encoding="utf-8").splitlines()
+    assert f"# Positions: {units}" in lines[:2]
     gantry = dataclasses.replace(table(6), prismatic=(True, *[False] * 5))
     for name in ("kuka", "abb"):
         refusals(lambda x: export(gantry, tmp_path, x), [(name, "6 revolute ... has 5 and 1")])

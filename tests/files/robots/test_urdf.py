@@ -282,7 +282,7 @@ joint name="elbow" => joint name="tilt" => two joints ... tilt
 <link name="world"/> => <link name="world"/><link name="lost"/> => without a parent joint ... lost
 name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
 name="elbow" type="revolute" => name="elbow" type="planar" => elbow ... planar ... prismatic
-<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... independent
+<limit lower="-2.5" => <mimic joint="absent"/><limit lower="-2.5" => elbow ... mimics absent
 effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
 lower="-2.5" upper="2.5" => => lower end of the range of joint elbow
 lower="-2.5" upper="2.5" => lower="2.5" upper="-2.5" => range of joint elbow ... from 2.5 to -2.5

@@ -72,13 +72,17 @@ def changed(job=BEND, command=RUN, files=None, **keys):
     return Trouble(command, files or {}, job | keys)
 
 
-RANGE = {"joint_lower": -0.4, "joint_upper": 0.4}
+RANGE = {"joint_lower": [-0.2, -6, -3, -6, -6, -6], "joint_upper": [0.3, 6, 3, 6, 6, 6]}
+RAIL = {"axis": [0, 1, 0], "lower": 0, "upper": 3, "velocity": 1, "acceleration": 1}
+HELD = {"name": "ur5e", "rail": RAIL, "preferences": {"rail": {"hold": 0}}}
+FAR = {"points": [[0.4, 2, 0.2], [0.4, 2.6, 0.2]], "orientation": {"axis": [0, 0, -1]}}
 EARLY = {"switch": {"name": "laser", "on_lead": "200 ms"}}
 PAPER = {"paper": {"timing": {"method": "paper"}}}
 TROUBLES = {
     "Out of reach": drawn("", "--position '1.2 m, 0 m, 100 mm'", "ur5e"),
     "Out of reach by hundreds of metres": changed(path={"points": [[300, 200], [400, 200]]}),
     "A joint at the end of its range": changed(SEAM, limits=RANGE),
+    "An axis that is held": changed(SEAM, arm=HELD, path=FAR),
     "A singularity": changed(path={"points": [[0.135, 0.3], [0.135, 0.465]]}),
     "A collision": drawn("", "--position '350 mm, -100 mm, -50 mm'", "ur5e"),
     "Not realizable": changed(

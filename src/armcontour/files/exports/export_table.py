@@ -22,6 +22,7 @@ from armcontour.core.render import number
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,
+    JointPath,
     Samples,
     SetPoints,
     TimedEvent,
@@ -373,15 +374,18 @@ def regular_times(count: int, cycle: float) -> FloatArray:
 
 def sample_spline(q: FloatArray, cycle: float) -> Samples:
     """Samples of set-points with the derivatives of the clamped cubic spline through them."""
-    from scipy.interpolate import CubicSpline
-
     t = regular_times(len(q), cycle)
-    dq, ddq = np.zeros_like(q), np.zeros_like(q)
+    dq = np.zeros_like(q)
+    ddq = np.zeros_like(q)
     # One joint at once, because a long motion has gigabytes of set-points.
     for j in range(q.shape[1] if len(q) > 1 else 0):
-        spline = CubicSpline(t, q[:, j], bc_type="clamped")
-        dq[1:-1, j] = spline(t[1:-1], 1)
-        ddq[:, j] = spline(t, 2)
+        spline = JointPath.spline(q[:, j : j + 1], t, ends="clamped")
+        first, second, third = spline.coefficients[:, 1:4, 0].T
+        width = np.diff(t)
+        # Coefficients are of powers of the fraction of an interval.
+        dq[1:-1, j] = first[1:] / width[1:]
+        ddq[:-1, j] = 2 * second / width**2
+        ddq[-1, j] = (2 * second[-1] + 6 * third[-1]) / width[-1] ** 2
     for values in (dq, ddq):
         # Samples copies writable arrays.
         values.setflags(write=False)

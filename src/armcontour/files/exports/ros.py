@@ -16,7 +16,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.quantities import Axes, Duration, Quantity, any_unit
+from armcontour.core.quantities import Axes, Duration, Quantity, any_unit, joint_units
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.sampled_data import interpolate
 from armcontour.files.exports.export_table import (
@@ -118,7 +118,9 @@ def write_ros_yaml(
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
         f"joint_names:\n{listed}points:\n"
     )
-    about = f"# {table.name}\n{events}"
+    units = joint_units("rad", table.prismatic)
+    named = (f"{x} [{unit}]" for x, unit in zip(table.joint_names, units, strict=True))
+    about = f"# {table.name}\n# Positions: {', '.join(named)}\n{events}"
     end = list[str]()
     if tolerances is not None:
         about += "trajectory:\n"

@@ -292,6 +292,7 @@ def _variables(
         "name": table.name,
         "file": file,
         "joint_names": table.joint_names,
+        "arm_joints": tuple(x for k, x in enumerate(table.joint_names) if k not in table.external),
         "dof": table.dof,
         "cycle": table.cycle,
         "duration": table.duration,

@@ -13,6 +13,7 @@ import numpy as np
 
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.moveit_limits import (
     KINDS,
@@ -30,6 +31,8 @@ from armcontour.files.robots.urdf_tree import (
     Tree,
     read_tree,
 )
+from armcontour.robot.chain import Chain, joint_rows
+from armcontour.robot.closed_form_kinematics import ClosedForm
 from armcontour.robot.limits import JOINT_RANGE, Limits, or_unlimited
 from armcontour.robot.scene import ArmShapes
 from armcontour.robot.serial import SerialArm
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
 
 # Links that are the tip if the options do not name it (REP 199), the preferred first.
 TOOL_FRAMES = ("tool0", "flange")
+# Number of joints of robots that stand on a column; they have a closed form.
+ROBOT_JOINTS = 6
 # Advice for an arm without acceleration limits.
 HINT = (
     "specify a joint_limits.yaml of MoveIt (arm.joint_limits of a job, joint_limits= of load_arm) "
@@ -72,7 +77,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
 
     The arm has the joints between two links of the description, `options.base` and `options.tip`.
     Other joints stay at 0, or at the end of their range that is nearest to 0; joints that mimic a
-    joint follow it.
+    joint follow it, as in the linkage of a palletizer.
 
     Args:
         file: The description (URDF).
@@ -92,8 +97,9 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     Raises:
         InvalidInput: The file cannot be read or is not a valid description; a link does not exist;
             the tip is not specified and the description has neither `tool0` nor `flange`; a joint
-            between base and tip is neither revolute nor prismatic, or mimics another joint; a joint
-            that moves the part is prismatic or also moves the tip; or a limit is missing or wrong.
+            between base and tip is neither revolute nor prismatic, or mimics a joint that is not
+            between them; a joint
+            that moves the part also moves the tip; or a limit is missing or wrong.
     """
     from armcontour.files.robots.collision_shapes import missing_meshes
     from armcontour.files.robots.urdf_chain import Description
@@ -102,16 +108,25 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     start = tree.root if options.base is None else tree.check_link("base", options.base)
     route = tree.between(start, options.tip or _default_tip(tree, start))
     moving = [x for x in route if x.kind != "fixed"]
+    following = _following_joints(moving)
+    moving = [x for x in moving if x not in following]
     _check_moving_joints(tree, moving)
     turning = [] if options.part is None else _part_joints(tree, start, options.part, moving)
     moving = turning + moving
-    description = Description(tree, route, moving, start, len(turning))
+    description = Description(tree, route, moving, start, len(turning), following)
     chain = description.chain()
     described = _limits(tree, moving, options.joint_limits, has_bodies=chain.masses is not None)
     limits = described.limits
     if options.part is not None:
         chain = description.cell(chain, limits, options.part, options.tilt)
-    notes = (*description.notes, described.note, missing_meshes(tree))
+    chain = chain.replace(columns=_columns(chain))
+    notes = (
+        *description.notes,
+        described.note,
+        missing_meshes(tree),
+        _note_without_shape(description),
+        _note_columns(chain),
+    )
     arm = SerialArm(
         name=tree.name,
         chain=chain,
@@ -124,6 +139,43 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     if all(x.find("collision") is None for x in tree.links.values()):
         return arm
     return arm.with_shapes(partial(_shapes, arm, description))
+
+
+def _columns(chain: Chain) -> tuple[int, ...]:
+    """Return the indices of revolute joints that carry a robot of six joints, from the floor."""
+    first = chain.floor_link
+    robot = np.arange(len(chain) - ROBOT_JOINTS, len(chain))
+    before = [k for k in range(first, int(robot[0])) if not chain.slides[k]]
+    if not before or chain.followers:
+        return ()
+    own = chain.replace(
+        **joint_rows(chain, robot), positioner=None, floor_link=0, floor=Frame(), base=Frame()
+    )
+    return tuple(before) if ClosedForm.from_chain(own) is not None else ()
+
+
+def _note_columns(chain: Chain) -> str:
+    """Return a note on rotating columns, which exports write as external axes."""
+    if not chain.columns:
+        return ""
+    names = ", ".join(chain.joints[k] for k in chain.columns)
+    return f"{names} counts as an external axis, because it carries a robot of six joints"
+
+
+def _note_without_shape(description: Description) -> str:
+    """Return a note on links whose shapes are left out, because their joints follow others."""
+    count = len(description.moving)
+    left_out = [
+        name
+        for name, (number, _) in description.link_frames().items()
+        if number > count and description.tree.links[name].find("collision") is not None
+    ]
+    if not left_out:
+        return ""
+    return (
+        f"the shapes of {list_some(left_out, MAX_NAMED)} are left out, because joints that follow "
+        "others carry these links; the clearance does not include them"
+    )
 
 
 def _shapes(arm: SerialArm, description: Description) -> ArmShapes:
@@ -172,13 +224,19 @@ def _part_joints(tree: Tree, base: str, part: str, arm: list[Joint]) -> list[Joi
             "moves both. Choose another part or base."
         )
     _check_moving_joints(tree, joints, "part")
-    sliding = next((x.name for x in joints if x.kind == "prismatic"), None)
-    if sliding is not None:
-        raise InvalidInput(
-            f"Joint {sliding} of {tree.file} is prismatic, but the joints that move a part must be "
-            "revolute. Make it fixed in the file."
-        )
     return joints
+
+
+def _following_joints(route: list[Joint]) -> list[Joint]:
+    """Return the revolute joints of a route that mimic one of its joints, before the last joint."""
+    names = {x.name for x in route if x.master is None}
+    last = max((k for k, x in enumerate(route) if x.master is None), default=0)
+    following: list[Joint] = []
+    for joint in route[:last]:
+        if joint.master in names and joint.kind in ("revolute", "continuous"):
+            following.append(joint)
+            names.add(joint.name)
+    return following
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> None:
@@ -196,9 +254,10 @@ def _check_moving_joints(tree: Tree, moving: list[Joint], end: str = "tip") -> N
             )
         if joint.master is not None:
             raise InvalidInput(
-                f"Joint {joint.name} of {tree.file} mimics another joint, but the joints of an arm "
-                f"must be independent. Choose a base and a {end} without it between "
-                f"them, or make it fixed in the file."
+                f"Joint {joint.name} of {tree.file} mimics {joint.master}. Only a revolute joint "
+                "before the last joint of an arm can follow another one, which is between the same "
+                f"base and tip. Choose a base and a {end} without it between them, or make it "
+                "fixed in the file."
             )
 
 

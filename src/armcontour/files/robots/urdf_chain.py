@@ -14,7 +14,7 @@ from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.urdf_tree import Joint, Tree
 from armcontour.robot.bodies import check_inertia, merge_bodies
-from armcontour.robot.chain import Chain, joint_rows
+from armcontour.robot.chain import Chain, Follower, joint_rows
 from armcontour.robot.external_axes import Positioner, PositionerAxis
 from armcontour.robot.limits import Limits
 
@@ -36,6 +36,7 @@ class Description:
         moving: The joints of the arm; first those of a positioner, from the part to the base.
         base: Name of the base link.
         axes: Number of joints of the positioner.
+        following: Joints between base and tip that mimic a joint of the arm.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Description:
         moving: Sequence[Joint],
         base: str,
         axes: int = 0,
+        following: Sequence[Joint] = (),
     ) -> None:
         self.tree = tree
         self.moving = moving
@@ -52,6 +54,7 @@ class Description:
         self.tip = route[-1].child if route else base
         self.below = tree.below(base)
         self.axes = axes
+        self.following = following
         self.notes: list[str] = []
         self._names = {joint.name for joint in moving}
 
@@ -84,13 +87,51 @@ class Description:
             viscous=np.array([self._friction(joint, "damping") for joint in self.moving]),
             coulomb=np.array([self._friction(joint, "friction") for joint in self.moving]),
             prismatic=tuple(joint.kind == "prismatic" for joint in self.moving),
+            followers=self._followers(carried),
             tip=carried[self.tip][1],
             **bodies,
         )
 
+    def _followers(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[Follower, ...]:
+        """Return the joints between base and tip that follow a joint of the arm.
+
+        `carried`: see `link_frames`.
+        """
+        followers = []
+        after = 0
+        for joint in self.following:
+            link, place = carried[joint.parent]
+            # A link beyond those of the arm is carried by the previous follower.
+            after = link - 1 if link <= len(self.moving) else after
+            leader, factor, offset = self._leader_of(joint)
+            axis = self._axis(joint)
+            at_zero = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
+            at_zero = at_zero @ Frame(rotation=exp(offset * axis))
+            followers.append(
+                Follower(
+                    after=after, leader=leader, factor=factor, place=place @ at_zero, axis=axis
+                )
+            )
+        return tuple(followers)
+
+    def _leader_of(self, joint: Joint) -> tuple[int, float, float]:
+        """Return the index of the arm's joint that a joint mimics, its factor and its offset."""
+        names = [x.name for x in self.moving]
+        factor = 1.0
+        offset = 0.0
+        while joint.name not in names:
+            own = joint.number("mimic", "multiplier", self.tree.file)
+            own = 1.0 if own is None else own
+            offset += factor * (joint.number("mimic", "offset", self.tree.file) or 0.0)
+            factor *= own
+            joint = self.tree.joints[joint.master or ""]
+        return names.index(joint.name), factor, offset
+
     def link_frames(self) -> dict[str, tuple[int, Frame]]:
         """Map each link to the moving link that carries it (0: the base), and its frame there."""
-        number = {joint.name: k for k, joint in enumerate(self.moving, start=1)}
+        # Joints that follow others carry links of their own, with the numbers after the arm's.
+        carriers = (*self.moving, *self.following)
+        number = {joint.name: k for k, joint in enumerate(carriers, start=1)}
         frames = {self.base: (0, Frame())}
         for joint in self.below:
             if joint.name in number:
@@ -117,10 +158,12 @@ class Description:
         axes = tuple(self._positioner_axis(rows, limits, k, frames[k + 1]) for k in from_base)
         link, place = self.link_frames()[part]
         arm = rows.replace(
-            **joint_rows(rows, np.arange(self.axes, len(rows))), base=(frames[link] @ place).inverse
+            **joint_rows(rows, np.arange(self.axes, len(rows))),
+            followers=tuple(x.shifted(-self.axes) for x in rows.followers),
+            base=(frames[link] @ place).inverse,
         )
         cell = arm.on_positioner(Positioner(axes=axes, tilt=tilt))
-        # An axis of a positioner has no friction.
+        # A Positioner has no friction.
         return cell.replace(viscous=rows.viscous, coulomb=rows.coulomb)
 
     def _positioner_axis(self, rows: Chain, limits: Limits, k: int, frame: Frame) -> PositionerAxis:
@@ -130,11 +173,17 @@ class Description:
             np.abs(limits.bounds(x, len(rows))).min(axis=0)[k]
             for x in ("joint_velocity", "joint_acceleration")
         )
-        if not np.isfinite([lower[k], upper[k], velocity, acceleration]).all():
+        slides = bool(rows.slides[k])
+        needed = [velocity, acceleration, *([lower[k], upper[k]] if slides else [])]
+        if not np.isfinite(needed).all():
+            words = (
+                "a range, a velocity and an acceleration"
+                if slides
+                else ("a velocity and an acceleration")
+            )
             raise InvalidInput(
-                f"Joint {rows.joints[k]} of {self.tree.file} requires a range, a velocity and "
-                "an acceleration, because it moves the part. Specify them in the file (the "
-                "joint must not be continuous) or with joint_limits."
+                f"Joint {rows.joints[k]} of {self.tree.file} requires {words}, because it moves "
+                "the part. Specify them in the file or with joint_limits."
             )
         bodies = {}
         if rows.masses is not None:
@@ -148,10 +197,11 @@ class Description:
             name=rows.joints[k],
             axis=frame.rotation @ rows.axes[k],
             origin=frame.position,
-            lower=lower[k],
-            upper=upper[k],
+            lower=lower[k] if np.isfinite(lower[k]) else None,
+            upper=upper[k] if np.isfinite(upper[k]) else None,
             velocity=velocity,
             acceleration=acceleration,
+            prismatic=slides,
             **bodies,
         )
 
@@ -170,6 +220,8 @@ class Description:
         frames_of_chain = {}
         frames = self.axis_frames()
         for name, (number, place) in self.link_frames().items():
+            if number > len(self.moving):
+                continue
             link = number
             if number in frames:
                 link = number - 1 if number else self.axes
@@ -286,13 +338,15 @@ class Description:
 
     def _inertia_faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
         """Describe faults in the inertial data; also return whether any link has such data."""
-        faults: list[str] = []
+        faults = [f"joint {x.name} of the arm follows joint {x.master}" for x in self.following]
         # Mass that moves with each joint [kg].
         moved_masses = [0.0] * len(self.moving)
         has_bodies = False
+        if self.following:
+            has_bodies = any(x.find("inertial") is not None for x in self.tree.links.values())
         for joint in self.below:
             link, _ = carried[joint.child]
-            if not link:
+            if not 0 < link <= len(self.moving):
                 continue
             body = self._body(joint.child)
             if body is not None:

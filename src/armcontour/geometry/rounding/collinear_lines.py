@@ -6,14 +6,15 @@ replaces at most half of a segment, so the moves must be one segment.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.frames import angle_between, exp, shortest
-from armcontour.geometry.biarcs import dot, length
+from armcontour.core.frames import exp, shortest
+from armcontour.core.kernel_cache import compiled
 from armcontour.geometry.orientation import SAME_ORIENTATION, copy_pieces
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
@@ -40,56 +41,180 @@ class MergedLines:
     deviation: FloatArray  # Distance of the given path from each segment [m], (m,)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Runs:
-    """Runs of segments between splits; columns have a value for each of the n segments, (n,)."""
+class _Lines(NamedTuple):
+    """The given lines, for the kernel: n segments of a path."""
 
-    first: IntArray  # Index of the first segment in each run, (m,)
-    run: IntArray  # Index of the run of each segment
+    points: FloatArray  # Vertices of the path [m], (n + 1, dimension)
+    starts: FloatArray  # Unit tangents at the starts of the segments, (n, dimension)
+    ends: FloatArray  # Unit tangents at the ends of the segments, (n, dimension)
+    turns: FloatArray  # Turns at the inner vertices [rad], (n - 1,)
+    corner: BoolArray  # Mask of the inner vertices that are corners, (n - 1,)
+    allowed: FloatArray  # Largest distance of each inner vertex from its line [m], (n - 1,)
+
+
+class _Runs(NamedTuple):
+    """Runs of segments between splits, with a value for each of the n segments, (n,)."""
+
     number: IntArray  # Number of segments in the run of each segment
     lines: FloatArray  # Unit vectors along the line of the run, (n, dimension)
     lengths: FloatArray  # Lengths of the runs' lines [m]
     distances: FloatArray  # Distance of the segment's start from the line of its run [m]
     deviations: FloatArray  # Largest of these distances in the run [m]
+    inner_turns: FloatArray  # Largest turn inside the run [rad]
+    is_new: BoolArray  # Whether the run was made by the last splits
+    is_unacceptable: BoolArray  # Whether the segment requires a split of its run
 
     @classmethod
-    def between(cls, points: FloatArray, split: BoolArray) -> _Runs:
-        """Make the runs between splits, with lines from their first points to their last.
-
-        - `points`: vertices of the path [m], (n + 1, dimension).
-        - `split`: mask of the inner vertices at which a run ends, (n - 1,).
-        """
-        first = np.flatnonzero(np.append(True, split))
-        run = np.cumsum(np.append(0, split))
-        chords = np.append(points[first[1:]], points[-1:], axis=0) - points[first]
-        lengths = length(chords)[run]
-        lines = chords[run] / np.maximum(lengths, REPEATED_POINT)[:, None]
-        offsets = points[:-1] - points[first[run]]
-        distances = length(offsets - dot(offsets, lines)[:, None] * lines)
+    def empty(cls, n: int, dimension: int) -> _Runs:
+        """Make the arrays for n segments that are in no run yet."""
         return cls(
-            first=first,
-            run=run,
-            number=np.bincount(run)[run],
-            lines=lines,
-            lengths=lengths,
-            distances=distances,
-            deviations=np.maximum.reduceat(distances, first)[run],
+            number=np.empty(n, dtype=np.intp),
+            lines=np.empty((n, dimension)),
+            lengths=np.empty(n),
+            distances=np.empty(n),
+            deviations=np.empty(n),
+            inner_turns=np.empty(n),
+            is_new=np.ones(n, dtype=np.bool_),
+            is_unacceptable=np.zeros(n, dtype=np.bool_),
         )
 
-    def is_farthest(self, turns: FloatArray, *, everywhere: bool) -> BoolArray:
-        """Return the mask of the segments that start at the farthest vertex of their run, (n,).
 
-        - `turns`: turns at the inner vertices [rad]. A split at a vertex without a turn has no
-          effect, so its distance counts as 0.
-        - `everywhere`: choose all vertices instead of the farthest.
-        """
-        distances = self.distances * np.append(False, turns > TANGENT_TOLERANCE)
-        farthest = distances >= np.maximum.reduceat(distances, self.first)[self.run]
-        return np.asarray(farthest | everywhere)
+@compiled()
+def split_runs(given: _Lines, runs: _Runs, split: BoolArray) -> None:
+    """Split runs until every run is acceptable, and write them.
 
-    def any_in_run(self, mask: BoolArray) -> BoolArray:
-        """Return the mask of segments whose run has a segment in `mask`, (n,)."""
-        return np.asarray(np.logical_or.reduceat(mask, self.first)[self.run])
+    Only runs that the last splits made are examined, because the others do not change.
+
+    - `split`: mask of the inner vertices at which a run ends, (n - 1,); changed in place.
+    """
+    n = len(runs.number)
+    attempt = 0
+    has_split = True
+    while has_split:
+        first = 0
+        while first < n:
+            end = _run_end(split, first)
+            if runs.is_new[first]:
+                _measure_run(given, runs, first, end)
+            first = end
+        _mark_sharper_turns(given, runs, split)
+        has_split = False
+        first = 0
+        while first < n:
+            end = _run_end(split, first)
+            if _split_run(given, runs, split, (first, end), attempt > MAX_SPLITS):
+                has_split = True
+            first = end
+        attempt += 1
+
+
+@compiled(inner=True)
+def _run_end(split: BoolArray, first: int) -> int:
+    """Return the index after the last segment of the run that begins with segment `first`."""
+    end = first + 1
+    while end <= len(split) and not split[end - 1]:
+        end += 1
+    return end
+
+
+@compiled(inner=True)
+def _measure_run(given: _Lines, runs: _Runs, first: int, end: int) -> None:
+    """Write a run's line from its first point to its last, and test its segments."""
+    points = given.points
+    dimension = points.shape[1]
+    square = 0.0
+    for d in range(dimension):
+        square += (points[end, d] - points[first, d]) ** 2
+    size = math.sqrt(square)
+    for d in range(dimension):
+        runs.lines[first, d] = (points[end, d] - points[first, d]) / max(size, REPEATED_POINT)
+    line = runs.lines[first]
+    largest = 0.0
+    largest_turn = 0.0
+    for i in range(first, end):
+        along = 0.0
+        ahead = 0.0
+        for d in range(dimension):
+            along += (points[i, d] - points[first, d]) * line[d]
+            ahead += given.starts[i, d] * line[d]
+        square = 0.0
+        for d in range(dimension):
+            square += (points[i, d] - points[first, d] - along * line[d]) ** 2
+        distance = math.sqrt(square)
+        runs.distances[i] = distance
+        largest = max(largest, distance)
+        if i < end - 1:
+            largest_turn = max(largest_turn, given.turns[i])
+        allowed = given.allowed[i - 1] if i > 0 else 0.0
+        # A single vertex with a turn is a corner, and not a sign of a divided line.
+        is_corner = end - first == 2 and distance > SLIVER
+        runs.is_unacceptable[i] = distance > allowed or ahead <= 0.0 or is_corner
+    for i in range(first, end):
+        runs.number[i] = end - first
+        runs.lengths[i] = size
+        runs.deviations[i] = largest
+        runs.inner_turns[i] = largest_turn
+        for d in range(dimension):
+            runs.lines[i, d] = line[d]
+
+
+@compiled(inner=True)
+def _mark_sharper_turns(given: _Lines, runs: _Runs, split: BoolArray) -> None:
+    """Mark the runs at whose ends the lines turn too much.
+
+    The turn between two lines may exceed the turn of the given path by a share of the largest turn
+    inside the runs.
+    """
+    for i in range(len(split)):
+        if not split[i] or given.corner[i] or given.turns[i] >= SMALLEST_CORNER_TURN:
+            continue
+        # Between two segments of the given path, the turn is the given one.
+        is_given = runs.number[i] == 1 and runs.number[i + 1] == 1
+        if is_given or not (runs.is_new[i] or runs.is_new[i + 1]):
+            continue
+        difference = 0.0
+        total = 0.0
+        for d in range(runs.lines.shape[1]):
+            before = runs.lines[i, d] if runs.number[i] > 1 else given.ends[i, d]
+            after = runs.lines[i + 1, d] if runs.number[i + 1] > 1 else given.starts[i + 1, d]
+            difference += (before - after) ** 2
+            total += (before + after) ** 2
+        turn = 2 * math.atan2(math.sqrt(difference), math.sqrt(total))
+        inner_turn = max(runs.inner_turns[i], runs.inner_turns[i + 1])
+        allowed_turn = max(given.turns[i] + TURN_INCREASE * inner_turn, inner_turn)
+        if turn > allowed_turn + TANGENT_TOLERANCE:
+            # The run that deviates more is the cause of a sharper turn.
+            cause = i if runs.deviations[i] >= runs.deviations[i + 1] else i + 1
+            runs.is_unacceptable[cause] = True
+
+
+@compiled(inner=True)
+def _split_run(
+    given: _Lines, runs: _Runs, split: BoolArray, run: tuple[int, int], everywhere: bool
+) -> bool:
+    """Split an unacceptable run at its farthest vertices, or everywhere; return whether it was.
+
+    A split at a vertex without a turn has no effect, so its distance counts as 0.
+    """
+    first, end = run
+    is_unacceptable = False
+    farthest = 0.0
+    for i in range(first, end):
+        is_unacceptable |= runs.is_unacceptable[i]
+        if i > first and given.turns[i - 1] > TANGENT_TOLERANCE:
+            farthest = max(farthest, runs.distances[i])
+    was_split = False
+    for i in range(first, end):
+        runs.is_unacceptable[i] = False
+        runs.is_new[i] = is_unacceptable
+        if not is_unacceptable or i == first:
+            continue
+        has_turn = given.turns[i - 1] > TANGENT_TOLERANCE
+        distance = runs.distances[i] if has_turn else 0.0
+        if distance >= farthest or everywhere:
+            split[i - 1] = True
+            was_split = True
+    return was_split
 
 
 def merge_lines(path: Path, allowed: FloatArray) -> MergedLines:
@@ -107,21 +232,20 @@ def merge_lines(path: Path, allowed: FloatArray) -> MergedLines:
     carried = _carries_frame(path, turns)
     corner = _find_corners(segments, turns, allowed)
     split = corner | _find_changes(path, carried=carried)
-    for k in count():
-        if split.all():
-            unchanged = np.arange(len(split))
-            return MergedLines(path=path, vertex=unchanged, deviation=np.zeros(len(path)))
-        runs = _Runs.between(points, split)
-        unacceptable = _find_unacceptable(segments, turns, runs, split, corner, allowed)
-        farthest = runs.is_farthest(turns, everywhere=k > MAX_SPLITS)
-        new_splits = (farthest & runs.any_in_run(unacceptable))[1:] & ~split
-        if not new_splits.any():
-            break
-        split = split | new_splits
+    runs = _Runs.empty(len(path), points.shape[1])
+    split_runs(
+        _Lines(points, segments.tangents, segments.end_tangents, turns, corner, allowed),
+        runs,
+        split,
+    )
+    if split.all():
+        unchanged = np.arange(len(split))
+        return MergedLines(path=path, vertex=unchanged, deviation=np.zeros(len(path)))
+    first = np.flatnonzero(np.append(True, split))
     return MergedLines(
-        path=_draw_lines(path, runs, carried=carried),
-        vertex=runs.first[1:] - 1,
-        deviation=runs.deviations[runs.first],
+        path=_draw_lines(path, runs, first, carried=carried),
+        vertex=first[1:] - 1,
+        deviation=runs.deviations[first],
     )
 
 
@@ -170,59 +294,10 @@ def _find_changes(path: Path, *, carried: bool) -> BoolArray:
     return np.asarray(changes)
 
 
-def _find_unacceptable(
-    segments: Segments,
-    turns: FloatArray,
-    runs: _Runs,
-    split: BoolArray,
-    corner: BoolArray,
-    allowed: FloatArray,
-) -> BoolArray:
-    """Return the mask of the segments that require a split of their run, (n,).
-
-    - `turns`, `split`, `corner`, `allowed`: turns of the given path [rad], ends of runs, corners
-      and largest distances from the lines [m] at the inner vertices, (n - 1,) each.
-    """
-    sharper = _find_sharper_turns(segments, turns, runs, split) & ~corner
-    unacceptable = (runs.distances > np.append(0.0, allowed)) | (
-        dot(segments.tangents, runs.lines) <= 0
-    )
-    # A single vertex with a turn is a corner, and not a sign of a divided line.
-    unacceptable |= (runs.number == 2) & (runs.distances > SLIVER)
-    # The run that deviates more is the cause of a sharper turn.
-    deviations = runs.deviations
-    unacceptable[:-1] |= sharper & (deviations[:-1] >= deviations[1:])
-    unacceptable[1:] |= sharper & (deviations[:-1] < deviations[1:])
-    return unacceptable
-
-
-def _find_sharper_turns(
-    segments: Segments, turns: FloatArray, runs: _Runs, split: BoolArray
-) -> BoolArray:
-    """Return the mask of run ends at which the lines turn too much, (n - 1,).
-
-    The turn between the lines may exceed the turn of the given path by a share of the largest turn
-    inside the runs.
-
-    - `turns`, `split`: turns of the given path [rad] and ends of runs, at the inner vertices.
-    """
-    several = runs.number[:, None] > 1
-    before = np.where(several, runs.lines, segments.end_tangents)[:-1]
-    after = np.where(several, runs.lines, segments.tangents)[1:]
-    inner_turns = np.append(np.where(split, 0.0, turns), 0.0)
-    largest_inner_turn = np.maximum.reduceat(inner_turns, runs.first)[runs.run]
-    of_both_runs = np.maximum(largest_inner_turn[:-1], largest_inner_turn[1:])
-    allowed_turns = (
-        np.maximum(turns + TURN_INCREASE * of_both_runs, of_both_runs) + TANGENT_TOLERANCE
-    )
-    return np.asarray(
-        (angle_between(before, after) > allowed_turns) & split & (turns < SMALLEST_CORNER_TURN)
-    )
-
-
-def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
+def _draw_lines(path: Path, runs: _Runs, first: IntArray, *, carried: bool) -> Path:
     """Replace each run by one line.
 
+    - `first`: index of the first segment in each run, (m,).
     - `carried`: true if the orientation follows the tangent and never turns about it.
     """
     segments = path.segments
@@ -230,17 +305,18 @@ def _draw_lines(path: Path, runs: _Runs, *, carried: bool) -> Path:
     lines = segments.replace(
         tangents=np.where(several[:, None], runs.lines, segments.tangents),
         lengths=np.where(several, runs.lengths, segments.lengths),
-    )[runs.first]
+    )[first]
     orientation = path.orientation
     if orientation is not None and carried:
         # The frame turns with the first tangent.
         turn = exp(shortest(segments.tangents[0], lines.tangents[0]))
-        orientation = carry_frame(
+        along_lines = carry_frame(
             lines, turn @ orientation.starts[0], axis_only=orientation.axis_only
         )
+        orientation = along_lines.with_cone(orientation.cone)
     elif orientation is not None:
-        columns = copy_pieces(orientation, runs.first)
-        old_lengths = np.add.reduceat(segments.lengths, runs.first)
+        columns = copy_pieces(orientation, first)
+        old_lengths = np.add.reduceat(segments.lengths, first)
         columns["first"] *= (old_lengths / lines.lengths)[:, None]
         orientation = replace(orientation, breaks=lines.breaks, **columns)
     return Path(

@@ -166,7 +166,7 @@ def round_orientation(
             np.zeros((1, 3)),
             axis_only=orientation.axis_only,
         )
-        return constant, np.zeros(len(vertex))
+        return constant.with_cone(orientation.cone), np.zeros(len(vertex))
     cut = np.zeros(n - 1)
     blend = np.zeros(n - 1)
     cut[vertex] = tangent
@@ -205,7 +205,8 @@ def follow_rounded(
         rounded, orientation.starts[0], None, start_frames, axis_only=orientation.axis_only
     )
     half_lengths = largest_half_lengths(sharp, allowed, smooth=smooth)
-    return blend_kinks(sharp, half_lengths, smooth=smooth)[0]
+    blended = blend_kinks(sharp, half_lengths, smooth=smooth)[0]
+    return blended.with_cone(orientation.cone)
 
 
 def largest_half_lengths(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
@@ -338,6 +339,7 @@ def _insert_blends(
         **no_third_rotation(int(used.sum()), degree + 1),
         axis_only=sharp.axis_only,
         follows=sharp.follows,
+        cone=sharp.cone,
     )
 
 

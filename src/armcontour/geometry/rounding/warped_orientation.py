@@ -85,7 +85,8 @@ def warp_orientation(
     cuts = np.searchsorted(knots, stops - REPEATED_POINT)
     ends = [0, *cuts.tolist(), len(knots) - 1]
     motions = [_motion(orientation, warp, knots[a : b + 1]) for a, b in pairwise(ends)]
-    return orient_between_knots(motions, axis_only=orientation.axis_only)
+    warped = orient_between_knots(motions, axis_only=orientation.axis_only)
+    return warped.with_cone(orientation.cone)
 
 
 def _knots(orientation: Orientation, warp: _Warp) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
+from armcontour.planning.constraints import JointMotion
 from armcontour.planning.jerk.interior_point import JerkSection, improve, least_slacks, limit_steps
 from armcontour.planning.jerk.mesh import (
     End,
@@ -99,18 +100,17 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     section_ends = find_sections(law, task)
     ends = find_ends(law, task, section_ends)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
+    if all(isinstance(x, JointMotion) for x in task.active):
+        # Rows of joint motion are exact, so that they need no bounds from a first pass.
+        mesh = place_mesh(law, law.s, cells, section_ends, ends)
+        return _solve(_make_rows(task, mesh, law), (law, 1.0), task, FINE_GAP)
     # Each polynomial of the joint path has rows of its own, so fewer cells would save little time.
     coarse = max(cells // COARSER, FEWEST_FIRST_CELLS, len(law.joint_path.breaks) // 2)
     mesh = place_mesh(law, law.s, coarse, section_ends, ends)
-    coarse_rows = _make_rows(task, mesh, law)
-    coarse_law = _solve(coarse_rows, (law, 1.0), task, COARSE_GAP)
+    coarse_law = _solve(_make_rows(task, mesh, law), (law, 1.0), task, COARSE_GAP)
     mesh = place_mesh(
         coarse_law, law.s, cells, section_ends, find_ends(coarse_law, task, section_ends)
     )
-    if coarse_rows.exact:
-        return _solve(
-            _make_rows(task, mesh, coarse_law), (coarse_law, FIRST_PLAN_SHARE), task, FINE_GAP
-        )
     return _solve_with_margins(mesh, coarse_law, task)
 
 

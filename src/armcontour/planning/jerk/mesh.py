@@ -301,7 +301,21 @@ def _find_jumps(law: PathLaw, task: Task) -> FloatArray:
 
 def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[End, End]]:
     """Compute the scales at the start and the stop of each section from a plan."""
-    grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
+    inset = NEAR_REST * np.diff(section_ends)
+    last = len(law.s) - 2
+    # Intervals of the plan near the starts and the stops of the sections, and those at their ends
+    near = [
+        _interval_at(law.s, section_ends[:-1] + inset, last),
+        _interval_at(law.s, section_ends[1:] - inset, last),
+    ]
+    edges = [
+        _interval_at(law.s, section_ends[:-1], last),
+        np.maximum(_interval_at(law.s, section_ends[1:], len(law.s) - 1) - 1, 0),
+    ]
+    # Only these intervals are evaluated. Intervals between them belong to no end.
+    needed = np.unique(np.concatenate([*near, *edges]))
+    s = law.s[np.union1d(needed, needed + 1)]
+    grid = Grid(law.joint_path, s, law.joint_path.locate((s[:-1] + s[1:]) / 2))
     path = SampledJointPath(grid)
     (first, second), (third, _) = path.derivatives
     acceleration = largest_u(limits_on(path, task.active))
@@ -315,17 +329,15 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
     speed = np.maximum.reduceat(
         np.append(law.speeds, 0.0), np.searchsorted(law.s, section_ends, side="right")
     )[:-1]
-    inset = NEAR_REST * np.diff(section_ends)
     size = np.linalg.norm(first, axis=2).max(axis=1)
     curvature = np.linalg.norm(second, axis=2).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         even = np.fmin(EVEN_BEND * size / curvature, np.sqrt(EVEN_BEND * size / third.max(axis=1)))
 
-    def ends_on_side(side: int, s: FloatArray) -> list[End]:
+    def ends_on_side(side: int) -> list[End]:
         """Return the scales of all sections at their starts or at their stops."""
-        i = np.clip(np.searchsorted(law.s, s, side="right") - 1, 0, len(grid) - 1)
-        edge = section_ends[side : len(section_ends) - 1 + side]
-        j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
+        i = np.searchsorted(s, law.s[near[side]])
+        j = np.searchsorted(s, law.s[edges[side]])
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
         # If dq_ds vanishes at the end, `even` is not defined there, and a fraction of the section
         # is used.
@@ -334,13 +346,15 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
         rows = zip(acceleration[i], jerk[i], speed, straight, strict=True)
         return [End(float(x), float(y), float(v), float(e)) for x, y, v, e in rows]
 
-    return list(
-        zip(
-            ends_on_side(0, section_ends[:-1] + inset),
-            ends_on_side(1, section_ends[1:] - inset),
-            strict=True,
-        )
-    )
+    return list(zip(ends_on_side(0), ends_on_side(1), strict=True))
+
+
+def _interval_at(s: FloatArray, places: FloatArray, last: int) -> IntArray:
+    """Return the index of the interval that contains each place, at most `last`, (n,).
+
+    - `s`: ends of the intervals [m].
+    """
+    return np.asarray(np.clip(np.searchsorted(s, places, side="right") - 1, 0, last))
 
 
 def square_at(law: PathLaw, s: FloatArray) -> FloatArray:

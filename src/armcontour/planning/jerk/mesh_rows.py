@@ -228,7 +228,7 @@ class MeshRows:
         for constraint in active:
             if isinstance(constraint, JointMotion):
                 # Rows of joint motion are polynomials, which need no margins.
-                if constraint.velocity.size:
+                if len(constraint.velocity[0]):
                     self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
                 if len(constraint.low):
                     low, high = constraint.bounds(grid)
@@ -279,12 +279,6 @@ class MeshRows:
             share = np.where(np.isfinite(room), margins / room, 0.0)
         lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
         self.lost = np.maximum(self.lost, lost)
-
-    @property
-    def exact(self) -> bool:
-        """True if all limits are polynomials, which need no margins."""
-        others = any(x.rise.size for x in self.limits[:3])
-        return not (others or np.isfinite(self.limits.ceiling).any())
 
     @property
     def count(self) -> int:

@@ -15,6 +15,7 @@ from armcontour.geometry import Path, Tube
 from armcontour.motion import JointPath
 from armcontour.planning.shaping.shape_starts import Candidate
 from armcontour.planning.tracing.knots import task_dimension
+from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
 # Distance between nodes at a 90° corner, divided by the tolerance.
@@ -85,8 +86,9 @@ class NearPath:
         assert isinstance(arm, SerialArm)
         poses = np.zeros((len(s), 3, 4))
         poses[:, :, 3] = arm.tool_position(q)
-        poses[:, :, :3] = np.eye(3) if path.orientation is None else path.orientation(s)
         task = task_dimension(path, arm)
+        turned = turn_as_tool(path, arm).orientation
+        poses[:, :, :3] = np.eye(3) if turned is None else turned(s)
         free = np.zeros((len(s), 0, arm.dof))
         if task < arm.dof:
             from armcontour.planning.tracing.smoothing import null_space
@@ -127,6 +129,11 @@ class NearPath:
         matrix[:, :3] = full[:, :3]
         if self.task == 6:
             matrix[:, 3:6] = full[:, 3:]
+        elif self.task == 4:
+            # The revolute joints turn about one direction.
+            revolute = np.flatnonzero(~self.arm.chain.slides)[0]
+            axis = full[:, 3:, revolute]
+            matrix[:, 3] = np.einsum("ni,nik->nk", axis, full[:, 3:])
         elif self.task == 5:
             axes = self.poses[:, :, :2]
             matrix[:, 3:5] = np.einsum("nij,nik->njk", axes, full[:, 3:])

@@ -142,3 +142,41 @@ def acceleration_range(
             high = last
             above = 2 * (rows.shape[2] + r) + 1
     return AccelerationRange(low, high, narrowest, below, above)
+
+
+class LastRange(NamedTuple):
+    """Range of u at the end of the interval that was examined last."""
+
+    interval: int  # Index of the interval
+    range: AccelerationRange
+
+
+@compiled(inner=True, fastmath=FUSED)
+def no_range() -> LastRange:
+    """Return the state before the first interval."""
+    return LastRange(-2, AccelerationRange(-math.inf, math.inf, math.inf, -1, -1))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def joins_previous(grid: Intervals, limits: GridLimits, i: int) -> bool:
+    """Return whether limits at the start of interval i are those at the end of the previous one.
+
+    The bounds of joints are continuous on a piece of the joint path. Limits that are written for
+    each interval may jump at any grid point.
+    """
+    written = limits.rows.rise.shape[1] + limits.rounds.radius.shape[1]
+    written += limits.squares.largest.shape[1] + limits.friction.within.shape[1]
+    return written == 0 and i > 0 and grid.piece[i - 1] == grid.piece[i]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def range_at_start(
+    grid: Intervals, limits: GridLimits, i: int, x: float, last: LastRange
+) -> AccelerationRange:
+    """Return the range of u at the start of interval i; reuse that at the previous interval's end.
+
+    The value x of ds² must be the one for which `last` was computed.
+    """
+    if last.interval == i - 1 and joins_previous(grid, limits, i):
+        return last.range
+    return acceleration_range(grid, limits, i, 0, x)

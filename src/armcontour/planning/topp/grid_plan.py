@@ -16,10 +16,16 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.kernel_cache import FUSED, compiled
-from armcontour.motion.kernels import interval_time
-from armcontour.planning.topp.acceleration_range import acceleration_range
+from armcontour.motion.kernels import interval_time, write_law
+from armcontour.planning.topp.acceleration_range import (
+    LastRange,
+    acceleration_range,
+    no_range,
+    range_at_start,
+)
 from armcontour.planning.topp.limit_forms import Friction, GridLimits, Intervals, MotionBounds
 from armcontour.planning.topp.limit_lines import LimitLines, make_lines
+from armcontour.planning.topp.plan_losses import estimate_losses
 from armcontour.planning.topp.plan_rules import (
     END,
     FINER,
@@ -27,6 +33,7 @@ from armcontour.planning.topp.plan_rules import (
     START,
     STUCK,
     UNLIMITED,
+    PlanArrays,
     Rules,
 )
 from armcontour.planning.topp.reachability_passes import PassSquares, backward_forward_pass
@@ -45,15 +52,49 @@ NO_PLAN_MARGIN = 4e-2
 REFINED_NEIGHBOURS = 10
 
 
-class GridPlan(NamedTuple):
-    """A plan, or the reason why none exists."""
+class PlanOutcome(NamedTuple):
+    """Whether a plan was found, or the reason why none exists."""
 
-    x: FloatArray  # ds² at the ends of the intervals, (n + 1,)
-    k: FloatArray  # Derivatives of dds in s, (n,)
-    lost: FloatArray  # Fraction of limits that margins take, (n,)
-    outcome: int  # The last three fields are those of `PlanOutcome`
+    outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
+    interval: int  # Interval at which the plan fails, or -1
+    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
+
+
+class TimedOutcome(NamedTuple):
+    """A `PlanOutcome`, and what is known of the time law of a plan that was found."""
+
+    outcome: int
     interval: int
     allowed: float
+    resting: int  # First interval that begins and ends at rest, or -1
+    lost_time: float  # Estimated loss of time by the grid and the slopes [s]
+
+
+class GridPlan(NamedTuple):
+    """A plan with its time law, or the reason why none exists.
+
+    The first fields are those of `PlanArrays`, the last ones those of `TimedOutcome`. Without a
+    plan, there is no law.
+    """
+
+    x: FloatArray
+    k: FloatArray
+    lost: FloatArray
+    breaks: FloatArray
+    ds: FloatArray
+    dds: FloatArray
+    loss: FloatArray
+    point: FloatArray
+    outcome: int
+    interval: int
+    allowed: float
+    resting: int
+    lost_time: float
+
+    @property
+    def duration(self) -> float:
+        """Duration of the plan [s]."""
+        return float(self.breaks[-1])
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -61,6 +102,7 @@ def _choose_slopes(
     grid: Intervals, limits: GridLimits, cap: FloatArray, x: FloatArray, bounds: MotionBounds
 ) -> None:
     """Write slopes k with which u stays at its bound on the whole interval."""
+    previous = no_range()
     for i in range(len(grid.piece)):
         w = grid.s[i + 1] - grid.s[i]
         x0 = x[i]
@@ -69,8 +111,9 @@ def _choose_slopes(
         if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
             continue
         mean = (x1 - x0) / (2 * w)
-        first = acceleration_range(grid, limits, i, 0, x0)
+        first = range_at_start(grid, limits, i, x0, previous)
         last = acceleration_range(grid, limits, i, 1, x1)
+        previous = LastRange(i, last)
         to_low = min((mean - first.low) / first.narrowest, (mean - last.low) / last.narrowest)
         to_high = min((first.high - mean) / first.narrowest, (last.high - mean) / last.narrowest)
         turn = 0.0
@@ -198,14 +241,6 @@ def _drop_slopes(
     return dropped
 
 
-class PlanOutcome(NamedTuple):
-    """Whether a plan was found, or the reason why none exists."""
-
-    outcome: int  # FOUND, or FINER, STUCK, START, END, UNLIMITED
-    interval: int  # Interval at which the plan fails, or -1
-    allowed: float  # With START and END: the largest feasible ds² at this end [m²/s²]
-
-
 class _Work(NamedTuple):
     """Arrays that all phases of a plan change in place."""
 
@@ -223,28 +258,46 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """
     # Numba takes longer to return an array than NumPy to make one.
     n = len(grid.piece)
-    x = np.zeros(n + 1)
-    k = np.zeros(n)
-    lost = np.zeros(n)
-    return GridPlan(x, k, lost, *write_plan(grid, limits, rules, x, k, lost))
+    arrays = PlanArrays(
+        x=np.zeros(n + 1),
+        k=np.zeros(n),
+        lost=np.zeros(n),
+        breaks=np.empty(n + 1),
+        ds=np.empty(n),
+        dds=np.empty(n),
+        loss=np.empty(n),
+        point=np.empty(n),
+    )
+    return GridPlan(*arrays, *write_plan(grid, limits, rules, arrays))
 
 
 @compiled()
 def write_plan(
-    grid: Intervals,
-    limits: GridLimits,
-    rules: Rules,
-    x: FloatArray,
-    k: FloatArray,
-    lost: FloatArray,
-) -> PlanOutcome:
-    """Write x, k and lost of a `GridPlan`, initially zero; return whether a plan was found.
+    grid: Intervals, limits: GridLimits, rules: Rules, arrays: PlanArrays
+) -> TimedOutcome:
+    """Write a plan, its time law and its losses, if a plan is found; x, k and lost begin as zero.
 
     The phases are a plan without friction and margins, plans with friction that is linearized about
     the previous plan, and plans with margins. They share `rules.tries` passes.
     """
+    found = _find_plan(grid, limits, rules, arrays)
+    resting = -1
+    lost_time = 0.0
+    if found.outcome == FOUND:
+        resting = write_law(grid.s, arrays.x, arrays.k, arrays.breaks, arrays.ds, arrays.dds)
+        if rules.estimates_loss and resting < 0:
+            lost_time = estimate_losses(grid, limits, arrays)
+    return TimedOutcome(found.outcome, found.interval, found.allowed, resting, lost_time)
+
+
+@compiled(inner=True, allocates=True)
+def _find_plan(
+    grid: Intervals, limits: GridLimits, rules: Rules, arrays: PlanArrays
+) -> PlanOutcome:
+    """Write x, k and lost of a plan; return whether it was found."""
+    x = arrays.x
     has_friction = limits.friction.within.shape[1] > 0
-    work = _make_work(grid, limits, x, k, lost)
+    work = _make_work(grid, limits, arrays)
     found = _plan_free(grid, limits, rules, work)
     tries = rules.tries - 1
     if found.outcome == FOUND and has_friction:
@@ -260,17 +313,15 @@ def write_plan(
 
 
 @compiled(inner=True, allocates=True)
-def _make_work(
-    grid: Intervals, limits: GridLimits, x: FloatArray, k: FloatArray, lost: FloatArray
-) -> _Work:
+def _make_work(grid: Intervals, limits: GridLimits, arrays: PlanArrays) -> _Work:
     """Make the arrays; those of the plan are `work.squares.x`, `work.bounds.k`, `lines.lost`."""
     n = len(grid.piece)
     width = np.empty(n)
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
-    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), k)
-    squares = PassSquares(np.empty(n + 1), np.empty(n + 1), x)
-    return _Work(width, bounds, make_lines(limits, lost), squares, np.ones(n, np.bool_))
+    bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), arrays.k)
+    squares = PassSquares(np.empty(n + 1), np.empty(n + 1), arrays.x)
+    return _Work(width, bounds, make_lines(limits, arrays.lost), squares, np.ones(n, np.bool_))
 
 
 @compiled(inner=True, allocates=True)

@@ -8,6 +8,7 @@ is written once for a grid. docs/concepts/time_optimal.md has the proofs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
+from armcontour.core.kernel_cache import compiled
 from armcontour.core.simd import LANES
 
 # Last axis of `LinearRows.ends`; A and B are also the axis of the two vectors in `Rounds.ends`.
@@ -26,11 +28,6 @@ BY_U, BY_X, BY_SLOPE, BY_CONSTANT = range(4)
 # accelerations, inverse squares of lower and upper bounds of velocities, and twice the lane index.
 # ROWS is the length of a group.
 LOWEST, HIGHEST, BACKWARD, FORWARD, LANE, ROWS = range(0, 6 * LANES, LANES)
-# Rows of a group of `JointBounds` without limits, (rows, LANES)
-UNBOUNDED = np.zeros((ROWS // LANES, LANES))
-UNBOUNDED[0] = -np.inf
-UNBOUNDED[1] = np.inf
-UNBOUNDED[4] = 2.0 * np.arange(LANES)
 # Rounding error of differences of x, as a fraction of x.
 X_ROUNDING = 2e-15
 # Columns of `Friction.within`: largest absolute value, deviation from the chord, sign
@@ -56,21 +53,42 @@ class JointBounds(NamedTuple):
     bounds: FloatArray
 
     @classmethod
-    def from_limits(cls, dof: int, *limits: FloatArray) -> JointBounds:
+    def from_limits(
+        cls,
+        dof: int,
+        acceleration: tuple[FloatArray, FloatArray],
+        velocity: tuple[FloatArray, FloatArray],
+    ) -> JointBounds:
         """Make the groups of joints.
 
         - `dof`: number of joints.
-        - `limits`: lower and upper acceleration bounds, then the inverse squares of the lower and
-          upper velocity bounds, (dof,) each; an empty array for no limit.
+        - `acceleration`: lower and upper bounds [rad/s²], (dof,) each; empty arrays for no limit.
+        - `velocity`: lower and upper bounds [rad/s], (dof,) each; empty arrays for no limit.
         """
-        groups = -(-dof // LANES)
-        table = np.empty((groups, ROWS // LANES, LANES))
-        table[:] = UNBOUNDED
-        for row, values in enumerate(limits):
-            for k in range(groups):
-                part = values[k * LANES : (k + 1) * LANES]
-                table[k, row, : len(part)] = part
-        return cls(table.ravel())
+        table = np.empty(-(-dof // LANES) * ROWS)
+        write_joint_bounds(*acceleration, *velocity, table)
+        return cls(table)
+
+
+@compiled()
+def write_joint_bounds(
+    lowest: FloatArray,
+    highest: FloatArray,
+    slowest: FloatArray,
+    fastest: FloatArray,
+    table: FloatArray,
+) -> None:
+    """Write the groups of `JointBounds`; arguments as in `JointBounds.from_limits`."""
+    for joint in range(len(table) // ROWS * LANES):
+        lane = joint % LANES
+        at = joint // LANES * ROWS + lane
+        has_acceleration = joint < len(lowest)
+        has_velocity = joint < len(slowest)
+        table[at + LOWEST] = lowest[joint] if has_acceleration else -math.inf
+        table[at + HIGHEST] = highest[joint] if has_acceleration else math.inf
+        table[at + BACKWARD] = 1 / slowest[joint] ** 2 if has_velocity else 0.0
+        table[at + FORWARD] = 1 / fastest[joint] ** 2 if has_velocity else 0.0
+        table[at + LANE] = 2.0 * lane
 
 
 class LinearRows(NamedTuple):

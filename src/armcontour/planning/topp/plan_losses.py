@@ -11,10 +11,17 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
 from armcontour.motion.kernels import interval_time
-from armcontour.planning.topp.acceleration_range import AccelerationRange, acceleration_range
-from armcontour.planning.topp.grid_plan import GridPlan
+from armcontour.planning.topp.acceleration_range import (
+    AccelerationRange,
+    LastRange,
+    acceleration_range,
+    joins_previous,
+    no_range,
+    range_at_start,
+)
 from armcontour.planning.topp.joint_derivatives import next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACKWARD, FORWARD, ROWS, GridLimits, Intervals
+from armcontour.planning.topp.plan_rules import PlanArrays
 
 # A plan loses no time where u is at its bound within this fraction of its range.
 AT_BOUND_FOR_LOSSES = 0.02
@@ -31,13 +38,15 @@ CROSSED = 0.4
 LARGER_X = 1.02
 # This loss extends over this share of the length in which x changes by its own value.
 VALLEY_REACH = 0.05
+# A lost share of the time of an interval below this is not examined.
+NEGLIGIBLE_LOSS = 1e-6
 # A new grid point closer to an interval end than this share saves no time.
 NO_GAIN_SHARE = 0.02
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    """Return the largest x at one end of interval i that all speed limits allow [m²/s²]."""
+def _largest_square(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
+    """Return the largest x at one end of interval i that the limits of speed allow [m²/s²]."""
     steepest = 0.0
     joint = 0
     for group in range(len(limits.joints) // ROWS):
@@ -49,7 +58,7 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
         steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
     for r in range(limits.squares.largest.shape[1]):
         steepest = max(steepest, limits.squares.ends[i, end, r])
-    return float(min(limits.ceiling[i, end], 1.0 / steepest))
+    return float(1.0 / steepest)
 
 
 @compiled(inner=True)
@@ -100,77 +109,98 @@ class _Unused(NamedTuple):
     down: tuple[float, float]  # Down to the lower bound
 
 
-class PlanLosses(NamedTuple):
-    """Time that a plan is estimated to lose by its grid and its slopes."""
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def estimate_losses(grid: Intervals, limits: GridLimits, plan: PlanArrays) -> float:
+    """Estimate the time that a plan loses by its grid and its slopes; return its sum [s].
 
-    duration: float  # Duration of the plan [s]
-    time: FloatArray  # Time lost on each interval [s], (n,)
-    # Point in each interval at which a new grid point saves most [m], (n,), or the start of the
-    # interval
-    point: FloatArray
-
-
-@compiled(fastmath=FUSED)
-def estimate_losses(grid: Intervals, limits: GridLimits, plan: GridPlan) -> PlanLosses:
-    """Estimate the time that a plan loses by its grid and its slopes.
+    The plan has its time law. `plan.loss` and `plan.point` are written.
 
     On each interval, half of the time that margins cost is added to one of three losses: a bound of
     u that only one end reaches, bounds of different limits that both ends reach, or the difference
-    from the shortest time within the mean range of u.
+    from the shortest time within the mean range of u. Near a ceiling of the speed, the loss is at
+    most the time by which the ceiling would be passed faster.
     """
-    n = len(plan.k)
-    duration = 0.0
-    loss = np.empty(n)
-    point = np.empty(n)
-    valley = np.zeros(n)
-    for i in range(n):
-        motion = _motion_on(grid, plan, i)
-        duration += motion.time
-        point[i] = grid.s[i]
-        loss[i] = motion.time * plan.lost[i] / 2
-        near = AT_BOUND_FOR_LOSSES + plan.lost[i]
-        ceilings = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
-        if _is_at_ceiling(motion, ceilings, near):
-            loss[i] = motion.time * max(1 - _ceiling_use(motion, ceilings), 0.0)
-            continue
-        first = acceleration_range(grid, limits, i, 0, motion.x[0])
-        last = acceleration_range(grid, limits, i, 1, motion.x[1])
-        if not (first.narrowest < math.inf or last.narrowest < math.inf):
-            continue
-        unused = _unused_shares(motion, first, last)
-        rising = min(unused.up[0], unused.up[1]) < near
-        falling = min(unused.down[0], unused.down[1]) < near
-        up = (unused.up[0] + unused.up[1]) / 2
-        down = (unused.down[0] + unused.down[1]) / 2
-        by_gap = BY_GAP if motion.x[0] > 0.0 and motion.x[1] > 0.0 else BY_GAP_AT_REST
-        if rising and falling:
-            gap = min(up, down)
-            if gap > CROSSED and first.above != last.below and first.below != last.above:
-                _add_valley(grid, limits, i, motion, (first, last), by_gap * gap, valley)
-            loss[i] += by_gap * max(gap, 0.0) * motion.time
-        elif rising or falling:
-            loss[i] += by_gap * motion.time * max(up if rising else down, 0.0)
-        else:
-            rates = (first.high + last.high) / 2, -(first.low + last.low) / 2
-            if rates[0] > motion.mean and -rates[1] < motion.mean:
-                shortest, share = _shortest_time(
-                    motion.w, motion.x, rates, max(ceilings[0], ceilings[1])
-                )
-                loss[i] += max(motion.time - shortest, 0.0)
-                if NO_GAIN_SHARE < share < 1 - NO_GAIN_SHARE:
-                    point[i] += share * motion.w
-    for i in range(n):
-        loss[i] += valley[i]
-    return PlanLosses(duration, loss, point)
+    valley = np.zeros(len(plan.k))
+    previous = no_range()
+    ceiling = math.inf
+    for i in range(len(plan.k)):
+        if not joins_previous(grid, limits, i):
+            ceiling = _largest_square(grid, limits, i, 0)
+        end_ceiling = _largest_square(grid, limits, i, 1)
+        ceilings = min(limits.ceiling[i, 0], ceiling), min(limits.ceiling[i, 1], end_ceiling)
+        previous = _write_loss(grid, limits, plan, i, ceilings, previous, valley)
+        ceiling = end_ceiling
+    total = 0.0
+    for i in range(len(plan.k)):
+        plan.loss[i] += valley[i]
+        total += plan.loss[i]
+    return total
 
 
 @compiled(inner=True, fastmath=FUSED)
-def _motion_on(grid: Intervals, plan: GridPlan, i: int) -> _Motion:
+def _write_loss(
+    grid: Intervals,
+    limits: GridLimits,
+    plan: PlanArrays,
+    i: int,
+    ceilings: tuple[float, float],
+    previous: LastRange,
+    valley: FloatArray,
+) -> LastRange:
+    """Write the loss of interval i and its point; where x may be too low, also write `valley`.
+
+    `ceilings` are the largest x at both ends. Returns the range of u at the end, if it was needed.
+    """
+    motion = _motion_on(grid, plan, i)
+    plan.point[i] = grid.s[i]
+    loss = motion.time * plan.lost[i] / 2
+    near = AT_BOUND_FOR_LOSSES + plan.lost[i]
+    most = math.inf
+    if _is_at_ceiling(motion, ceilings, near):
+        # Margins, or u at its bound on the way to the ceiling, may explain a slower motion.
+        most = motion.time * max(1 - _ceiling_use(motion, ceilings), 0.0)
+        if most <= loss + NEGLIGIBLE_LOSS * motion.time:
+            plan.loss[i] = most
+            return previous
+    first = range_at_start(grid, limits, i, motion.x[0], previous)
+    last = acceleration_range(grid, limits, i, 1, motion.x[1])
+    previous = LastRange(i, last)
+    if not (first.narrowest < math.inf or last.narrowest < math.inf):
+        plan.loss[i] = min(loss, most)
+        return previous
+    unused = _unused_shares(motion, first, last)
+    rising = min(unused.up[0], unused.up[1]) < near
+    falling = min(unused.down[0], unused.down[1]) < near
+    up = (unused.up[0] + unused.up[1]) / 2
+    down = (unused.down[0] + unused.down[1]) / 2
+    by_gap = BY_GAP if motion.x[0] > 0.0 and motion.x[1] > 0.0 else BY_GAP_AT_REST
+    if rising != falling:
+        loss += by_gap * motion.time * max(up if rising else down, 0.0)
+    else:
+        # u switches between its bounds inside the interval.
+        gap = min(up, down)
+        crossed = first.above != last.below and first.below != last.above
+        if rising and crossed and gap > CROSSED:
+            _add_valley(grid, limits, i, motion, (first, last), by_gap * gap, valley)
+        rates = (first.high + last.high) / 2, -(first.low + last.low) / 2
+        if rates[0] > motion.mean and -rates[1] < motion.mean:
+            shortest, share = _shortest_time(
+                motion.w, motion.x, rates, max(ceilings[0], ceilings[1])
+            )
+            loss += max(motion.time - shortest, 0.0)
+            if NO_GAIN_SHARE < share < 1 - NO_GAIN_SHARE:
+                plan.point[i] += share * motion.w
+    plan.loss[i] = min(loss, most)
+    return previous
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _motion_on(grid: Intervals, plan: PlanArrays, i: int) -> _Motion:
     """Return the motion of a plan on interval i."""
     w = grid.s[i + 1] - grid.s[i]
     x0 = plan.x[i]
     x1 = plan.x[i + 1]
-    time = interval_time(w, math.sqrt(x0), math.sqrt(x1), plan.k[i])
+    time = plan.breaks[i + 1] - plan.breaks[i]  # Subject to the rounding of the whole duration
     return _Motion((x0, x1), w, (x1 - x0) / (2 * w), plan.k[i] * w / 2, time)
 
 

@@ -1,8 +1,10 @@
-"""Parameters and outcomes of the planner on a grid."""
+"""Parameters and results of the planner on a grid."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+from armcontour.core.checks import FloatArray
 
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
 
@@ -30,3 +32,21 @@ class Rules(NamedTuple):
     enough: int = 20_000
     # Bounds are tightened while this reduces the duration by more than this share
     gain: float = 1e-6
+    # True if the time that the plan loses is estimated
+    estimates_loss: bool = False
+
+
+class PlanArrays(NamedTuple):
+    """Arrays of a plan on n intervals, which the planner writes."""
+
+    x: FloatArray  # ds² at the ends of the intervals [m²/s²], (n + 1,)
+    k: FloatArray  # Derivatives of dds in s [1/s²], (n,)
+    lost: FloatArray  # Fraction of limits that margins take, (n,)
+    breaks: FloatArray  # Times at the ends of the intervals [s], (n + 1,)
+    ds: FloatArray  # Path speeds at the starts of the intervals [m/s], (n,)
+    dds: FloatArray  # Path accelerations at the starts of the intervals [m/s²], (n,)
+    # Time that is lost on each interval [s], (n,), if `Rules.estimates_loss` is true
+    loss: FloatArray
+    # Point in each interval at which a new grid point saves most [m], (n,), or the start of the
+    # interval
+    point: FloatArray

@@ -9,6 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.quintics import to_bernstein
+from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import suggest_remedy
@@ -63,9 +64,10 @@ def out_of_range(
     """
     name = "upper" if q > edge else "lower"
     unit = arm.chain.unit("rad", joint)
+    moved = called(joint, arm.joint_names[joint])
     return Unreachable(
-        f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} {unit}, "
-        f"{abs(q - edge):.3g} {unit} beyond its {name} limit of {edge:.6g} {unit}{also}. "
+        f"At {s:.6g} m along the path {moved} would be at {number(q, unit)}, "
+        f"{number(abs(q - edge), unit)} beyond its {name} limit of {number(edge, unit)}{also}. "
         f"{suggest_remedy(path)}.",
         s=s,
         point=None if path is None else path(s).tolist(),
@@ -74,6 +76,15 @@ def out_of_range(
         needed=q,
         allowed=edge,
     )
+
+
+def called(joint: int, name: str) -> str:
+    """Return number and name of a joint for messages, such as "joint 1 (turn)".
+
+    - `joint`: index of the joint, from 0.
+    """
+    number_only = f"joint {joint + 1}"
+    return number_only if name == number_only else f"{number_only} ({name})"
 
 
 def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:

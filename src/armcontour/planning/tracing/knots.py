@@ -11,6 +11,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.geometry import Orientation, Path, RoundedPath
 from armcontour.geometry.rounding.rounded_path import OUT_OF_PLANE
+from armcontour.planning.tracing.parallel_joints import task_of_parallel_joints
 from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, divided by the extent of the path.
@@ -30,6 +31,13 @@ NO_JUMP = 1e-8
 OUT_OF_REACH = 1e-7
 # Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
 TOO_FAST = 1e5
+
+# Task dimension of the position and the tool axis, and of the position alone.
+AXIS_TASK = 5
+POSITION_TASK = 3
+# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
+# between these knots
+FINER = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,18 +162,23 @@ def _cells(path: Path) -> Knots:
 
 def task_dimension(path: Path, arm: SerialArm) -> int:
     """Return how many of the tool's 6 degrees of freedom the path prescribes."""
-    # The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3
-    # (position).
+    # The task dimension is 6 (position and orientation), 5 (position and tool axis), 4 (position
+    # and rotation about the direction of parallel joints) or 3 (position).
     if path.dimension != 3:
         raise ArmMismatch(
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
             f"{arm.dimension}. Use a path with {arm.dimension} coordinates."
         )
     orientation = path.orientation
+    turning = arm.tool_turning
     if orientation is None:
-        _refuse_position_only(arm)
+        if turning is None or not turning.keeps_axis:
+            _refuse_position_only(arm)
         return 3
-    task = 5 if orientation.axis_only else 6
+    if turning is not None:
+        task = task_of_parallel_joints(path, arm, turning)
+    else:
+        task = 5 if orientation.axis_only else 6
     if task > arm.dof:
         remedy = f"Use an arm with at least {task} joints"
         if arm.dof == 5:
@@ -230,6 +243,12 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
         return False
     nearest = int(np.argmin(np.linalg.norm(path.corners.point - path(s), axis=1)))
     return bool(path.corners.reason[nearest] == OUT_OF_PLANE)
+
+
+def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
+    """Return the arm without its held joints, and the indices of the other joints."""
+    held = list(arm.chain.held)
+    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
 
 
 def suggest_remedy(path: Path | None) -> str:

@@ -9,12 +9,11 @@ from armcontour.core.errors import Unreachable
 from armcontour.core.frames import exp
 from armcontour.motion import JointPath
 from armcontour.motion.derivative_bounds import joint_travel
+from armcontour.planning.tracing.angle_check import find_excess
 from armcontour.robot import Chain, SerialArm
 
 # Fraction of the largest angle from which the angle has a cost.
 INNER_TILT = 0.7
-# Travel of the joints between angles from which the bound on the angle counts as the angle [rad]
-FINEST_TRAVEL = 1e-6
 
 
 def tilt_of(chain: Chain) -> float | None:
@@ -39,8 +38,10 @@ def turn_down(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     axes = np.empty((len(q), 0, 3))
     for k in range(chain.floor_link):
         turned = turned @ chain.rotations[k]
-        axes = np.concatenate([axes, (turned @ chain.axes[k])[:, None]], axis=1)
-        turned = turned @ exp(q[:, k, None] * chain.axes[k])
+        # An axis that slides does not turn the part.
+        axis = np.zeros(3) if chain.slides[k] else chain.axes[k]
+        axes = np.concatenate([axes, (turned @ axis)[:, None]], axis=1)
+        turned = turned @ exp(q[:, k, None] * axis)
     down = turned @ chain.floor.rotation @ (chain.gravity / np.linalg.norm(chain.gravity))
     return down, np.cross(axes, down[:, None])
 
@@ -80,27 +81,10 @@ def check_tilt(joint_path: JointPath, arm: SerialArm) -> None:
     # The angle changes at most by the travel of the joints that turn the tool against the floor.
     s, travel = joint_travel(joint_path)
     turned = (travel * ~arm.chain.slides)[:, arm.chain.floor_link :].sum(axis=1)
-    angles = angles_to_gravity(arm, joint_path(s))
-    # Rows: arc lengths of both ends, angles at both ends, and travel between them.
-    intervals = np.stack([s[:-1], s[1:], angles[:-1], angles[1:], np.diff(turned)])
-    while True:
-        begin, end, first, last, travel_inside = intervals
-        bound = (first + last + travel_inside) / 2
-        largest = np.where(travel_inside > FINEST_TRAVEL, np.maximum(first, last), bound)
-        if (largest > tilt).any():
-            k = int(np.argmax(largest))
-            place = begin[k] if first[k] > last[k] else end[k]
-            point = arm.poses(joint_path(place))[:, 3]
-            _refuse_tilt(float(place), point, float(largest[k]), tilt)
-        # Intervals whose bound exceeds the limit are halved.
-        begin, end, first, last, travel_inside = intervals[:, bound > tilt]
-        if not len(begin):
-            return
-        middle = (begin + end) / 2
-        angle = angles_to_gravity(arm, joint_path(middle))
-        half = travel_inside / 2
-        halves = [begin, middle, first, angle, half], [middle, end, angle, last, half]
-        intervals = np.concatenate([np.stack(x) for x in halves], axis=1)
+    excess = find_excess(s, turned, lambda x: angles_to_gravity(arm, joint_path(x)), tilt)
+    if excess is not None:
+        point = arm.poses(joint_path(excess.s))[:, 3]
+        _refuse_tilt(excess.s, point, excess.angle, tilt)
 
 
 def _refuse_tilt(s: float, point: FloatArray, angle: float, tilt: float) -> None:

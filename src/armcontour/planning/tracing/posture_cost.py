@@ -13,6 +13,10 @@ from armcontour.robot import SerialArm
 
 # Joint positions beyond this fraction of half the range, from its middle, have a cost.
 INNER_RANGE = 0.7
+# Angles between tool axis and required axis beyond this fraction of the cone have a cost.
+INNER_CONE = 0.95
+# Weight of this angle as a fraction of the cone, so that the tool leans only where it helps.
+LEANING_WEIGHT = 0.7
 # Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
 # Joint positions of a cell beyond this fraction have an additional cost, by this factor, because
@@ -60,15 +64,20 @@ class PostureCost:
     # path, because at a tight corner the joints move far on a short path, which must not outweigh
     # all other steps.
 
-    def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray) -> None:
+    def __init__(
+        self, arm: SerialArm, s: FloatArray, q: FloatArray, axes: FloatArray, cone: float = 0.0
+    ) -> None:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
-        # n, dof); `axes`: tool axes, (n, 3).
+        # n, dof); `axes`: required tool axes, (n, 3); `cone`: largest angle from them [rad]; 0 if
+        # the tool axis does not change.
         self.middle, self.half = middle_and_half(arm)
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
+        self.leaning = LEANING_WEIGHT / np.sqrt(len(s))
         self.arm = arm
         self.axes = axes
         tilt = tilt_of(arm.chain)
         self.chord = None if tilt is None else chord_of(tilt)
+        self.cone_chord = None if cone == 0.0 else chord_of(cone)
         # Joints of the arm on its external axes, which stay away from singularities; only six or
         # more joints can.
         arm_joints = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
@@ -76,7 +85,8 @@ class PostureCost:
         self.arm_joints = arm_joints if stays_away else arm_joints[:0]
         # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
         # cost the linearized cost does not include.
-        self.shares = (1.0,) if tilt is None and not len(self.arm_joints) else SHARES
+        is_quadratic = tilt is None and not len(self.arm_joints) and cone == 0.0
+        self.shares = (1.0,) if is_quadratic else SHARES
         pace = paces(arm)
         weights = np.asarray(arm.chain.weights)
         # A heavy axis must not outweigh the costs of a tilt or a singular posture.
@@ -119,20 +129,46 @@ class PostureCost:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
         if self.chord is not None:
             yield self._tilt(q)
+        if self.cone_chord is not None:
+            yield from self._lean(q)
         if len(self.arm_joints):
             yield self._singularity(q)
+
+    def _lean(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield costs of the angle between tool axis and required axis, as `_excesses`."""
+        assert self.cone_chord is not None
+        positions = q.reshape(-1, q.shape[2])
+        axis = self.arm.poses(positions)[:, :, 2]
+        apart = axis - np.tile(self.axes, (len(q), 1))
+        chord = np.linalg.norm(apart, axis=1)
+        turned = np.cross(np.swapaxes(self.arm.jacobian(positions)[:, 3:], 1, 2), axis[:, None])
+        share = chord / self.cone_chord
+        slopes = (turned @ apart[..., None])[..., 0] / self.cone_chord
+        slopes /= np.maximum(chord, 1e-9)[:, None]
+        outside = self.outside * self.heaviest
+        for weight, inner in ((outside, INNER_CONE), (self.leaning, 0.0)):
+            beyond = np.maximum(share - inner, 0.0)
+            by_joint = np.where(beyond > 0.0, weight, 0.0)[:, None] * slopes
+            yield (weight * beyond).reshape(q.shape[:2]), by_joint.reshape(q.shape)
 
     def _tilt(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the excess of the tilt, (paths, n), and its joint derivatives, (paths, n, dof)."""
         assert self.chord is not None
-        down, by_joint = turn_down(self.arm.chain, q.reshape(-1, q.shape[2]))
+        positions = q.reshape(-1, q.shape[2])
+        down, by_joint = turn_down(self.arm.chain, positions)
         axes = np.tile(self.axes, (len(q), 1))
+        if self.cone_chord is not None:
+            axes = self.arm.poses(positions)[:, :, 2]
         chord = np.linalg.norm(axes - down, axis=1)
         outside = self.outside * self.heaviest
         excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * outside
         scale = np.where(excess > 0.0, outside / self.chord / np.maximum(chord, 1e-9), 0.0)
         slopes = np.zeros((len(axes), q.shape[2]))
         slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
+        if self.cone_chord is not None:
+            # A tool that leans moves its axis, too.
+            turned = np.cross(np.swapaxes(self.arm.jacobian(positions)[:, 3:], 1, 2), axes[:, None])
+            slopes += scale[:, None] * (turned @ (axes - down)[..., None])[..., 0]
         return excess.reshape(q.shape[:2]), slopes.reshape(q.shape)
 
     def _singularity(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -124,6 +124,8 @@ def smooth(
     *,
     start_stays: bool = False,  # True if the first joint position is fixed
     rounds: int = MAX_SMOOTHINGS,
+    # Largest angle between tool axis and required axis, for a task without the axis [rad]
+    cone: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Shorten joint paths by null-space motion, with unchanged tool poses.
 
@@ -133,7 +135,7 @@ def smooth(
 
     Returns the joint positions [rad], (paths, n, dof), and their costs, (paths,).
     """
-    cost = PostureCost(arm, s, q, poses[:, :, 2])
+    cost = PostureCost(arm, s, q, poses[:, :, 2], cone)
     n = len(s)
     free = arm.dof - task
     smoothed = q.copy()

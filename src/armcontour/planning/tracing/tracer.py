@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,8 @@ from armcontour.planning.tracing.joint_ranges import (
     turn_into_range,
 )
 from armcontour.planning.tracing.knots import (
+    AXIS_TASK,
+    FINER,
     MIDDLE,
     PLACES,
     Knots,
@@ -38,9 +40,14 @@ from armcontour.planning.tracing.knots import (
     row_of_poses,
     suggest_remedy,
     task_dimension,
+    without_held,
 )
+from armcontour.planning.tracing.parallel_joints import turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
+from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.preferred_chain import list_held
+from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
     from armcontour.planning.tracing.branch_solutions import Solution
@@ -58,9 +65,10 @@ A = TypeVar("A", bound=Arm, covariant=True)
 ANGULAR_TOLERANCE = 1e-9
 # Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR_JACOBIAN = 1e-9
-# Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
-# between these knots
-FINER = 3
+# Task dimensions that compare the whole rotation of the tool
+WHOLE_ROTATIONS = (4, 6)
+# Number of steps in which joint positions are found along a path on which still joints move.
+STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
 
@@ -127,6 +135,26 @@ class Solver(ABC, Generic[A]):
         q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
         errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
         return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
+
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on.
+
+        An arm in the plane stops only where it is singular.
+
+        - `s`: arc length of the point [m].
+        - `q`: joint positions near the point [rad], (dof,) each.
+        """
+        path = self.path
+        point = path(s).tolist()
+        raise Unreachable(
+            describe_fast_rotation(path, s)
+            or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+            f"{tuple(round(x, 6) for x in point)} m, the arm {self.arm.name} is singular. "
+            f"{suggest_remedy(path)}.",
+            point=point,
+            s=s,
+            limit="singularity",
+        )
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
         """Return values at starts and ends of the intervals, without jumps between intervals."""
@@ -210,8 +238,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
         coarse = knots.part(too_coarse)
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
-            s_singular = float(coarse.s0[small[0]])
-            refuse_singular_pose(solver, s_singular, "is singular or jumps between configurations")
+            first = small[0]
+            solver.refuse_stop(float(coarse.s0[first]), start[0][too_coarse][first])
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][too_coarse] + end[0][too_coarse]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[outside], halfway))
@@ -232,25 +260,6 @@ def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
-def refuse_singular_pose(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Raise Unreachable at a point of the path at which the joints have no unique motion.
-
-    - `s`: arc length of the point [m].
-    - `state`: state of the arm at the point, such as "is singular".
-    """
-    path = solver.path
-    point = solver.path(s).tolist()
-    raise Unreachable(
-        describe_fast_rotation(path, s)
-        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
-        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}. "
-        f"{suggest_remedy(path)}.",
-        point=point,
-        s=s,
-        limit="singularity",
-    )
-
-
 class NumericSolver(Solver[SerialArm]):
     """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses."""
 
@@ -258,7 +267,7 @@ class NumericSolver(Solver[SerialArm]):
         self,
         path: Path,
         arm: SerialArm,
-        task: int,  # Task dimension: 6, 5 or 3, see `task_dimension`
+        task: int,  # Task dimension: 6, 5, 4 or 3, see `task_dimension`
         tolerance: float,  # Largest distance of the tool from the path between knots [m]
         guide: Guide | None,  # Guide of a redundant arm
     ) -> None:
@@ -279,7 +288,9 @@ class NumericSolver(Solver[SerialArm]):
         )
         bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            refuse_singular_pose(self, float(knots.arc_lengths(u)[np.argmax(bad)]), "is singular")
+            assert guess is not None
+            first = int(np.argmax(bad))
+            self.refuse_stop(float(knots.arc_lengths(u)[first]), guess[first], q[first])
         return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
@@ -289,9 +300,17 @@ class NumericSolver(Solver[SerialArm]):
         if self.task == 3:
             return error
         turned = difference[:, :, 2]
-        if self.task == 6:
+        if self.task in WHOLE_ROTATIONS:
             turned = difference[:, :, :3].reshape(-1, 9) / np.sqrt(2.0)
         return np.asarray(np.maximum(error, np.linalg.norm(turned, axis=1) / ANGULAR_TOLERANCE))
+
+    def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
+        """Raise Unreachable at a point of the path behind which the joint path does not go on."""
+        from armcontour.planning.tracing.refusals import refuse_stop
+
+        if describe_fast_rotation(self.path, s):
+            super().refuse_stop(s)
+        refuse_stop(self.path, self.arm, s, self.task, [x for x in q if np.isfinite(x).all()])
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof)."""
@@ -422,6 +441,12 @@ def trace_candidates(
         )
     _refuse_flat(arm)
     near = None if seed is None else _check_seed(arm, seed)
+    if arm.chain.still:
+        from armcontour.planning.tracing.still_joints import cost_of, trace_still
+
+        trace_others = partial(trace_all, tolerance=tolerance)
+        still_paths = trace_still(path, arm, near, max_count, trace_others)
+        return [Candidate(joint_path=x, cost=cost_of(arm, x)) for x in still_paths]
     return _trace_serial(path, arm, near, tolerance, max_count)
 
 
@@ -450,8 +475,9 @@ def sketch_all(
     if limits is not None:
         arm = arm.with_limits(limits)
     _refuse_flat(arm)
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    moving, joints = without_held(arm)
+    task = dimension_of(path, arm, moving)
+    path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
     solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
@@ -461,10 +487,26 @@ def sketch_all(
     return np.append(few.s0, path.length), list(positions)
 
 
-def _moving(arm: SerialArm) -> tuple[SerialArm, IntArray]:
-    """Return the arm without its held joints, and the indices of the other joints."""
-    held = list(arm.chain.held)
-    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
+def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
+    """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    try:
+        return task_dimension(path, moving)
+    except InvalidInput as error:
+        if not arm.chain.held:
+            raise
+        # Raises the error if the arm does not support the path even with all of its joints.
+        task = task_dimension(path, arm)
+        if task <= moving.dof:
+            raise error.with_location(f"with {list_held(arm.chain)} (held)") from None
+        raise ArmMismatch(
+            f"The path prescribes {task} degrees of freedom of the tool, but only {moving.dof} of "
+            f"{arm.dof} joints of the arm {arm.name} can move, because preferences hold "
+            f"{list_held(arm.chain)}. Hold fewer joints, or prescribe less of the tool's "
+            "orientation (axis_only leaves the rotation about the tool axis free).",
+            joint=min(arm.chain.held),
+            needed=float(task),
+            allowed=float(moving.dof),
+        ) from None
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
@@ -499,6 +541,7 @@ def trace_rest(path: Path, arm: Arm, whole: JointPath, s: float, start: float) -
         joint_path = trace(path, arm, configuration=arm.configuration_of(known))
         return _turn_to(joint_path, arm, known - joint_path(start))
     assert isinstance(arm, SerialArm)
+    arm = arm.hold_still(known)
     # Joint positions on the whole path may exceed a joint range by rounding errors.
     lower, upper = arm.limits.joint_range(arm.dof)
     seed = np.clip(known, lower, upper)
@@ -537,6 +580,7 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
         joint_path = trace(path, arm, configuration=arm.configuration_of(q))
         return _turn_to(joint_path, arm, q - joint_path(joint_path.length))
     assert isinstance(arm, SerialArm)
+    arm = arm.hold_still(q)
     lower, upper = arm.limits.joint_range(arm.dof)
     back = trace(path.reversed(), arm, seed=np.clip(q, lower, upper))
     if not is_redundant(path, arm):
@@ -549,10 +593,67 @@ def trace_to(path: Path, arm: Arm, q: FloatArray) -> JointPath:
     return _trace_near(path, arm, positions, 0.0)
 
 
+def trace_between(path: Path, arm: SerialArm, first: FloatArray, last: FloatArray) -> JointPath:
+    """Trace a path on which the still joints move evenly from one position to another.
+
+    The other joints begin at `first` and follow; at the end they may differ from `last`.
+
+    Args:
+        path: The path.
+        arm: The arm with the limits of the motion.
+        first: Joint positions at the start of the path [rad], (dof,).
+        last: Joint positions [rad], (dof,), of which those of the still joints count.
+
+    Raises:
+        Unreachable: The arm cannot follow the path in this way.
+    """
+    still = list(arm.chain.still)
+
+    def positions(along: FloatArray) -> FloatArray:
+        """Return joint positions at increasing arc lengths [m], (n, dof)."""
+        count = np.ceil(np.diff(along, prepend=0.0) / path.length * STEPS_BETWEEN).astype(np.intp)
+        q = first.copy()
+        found = []
+        before = 0.0
+        for s, steps in zip(along, count, strict=True):
+            for x in np.linspace(before, s, steps + 1)[1:]:
+                q[still] = first[still] + (last[still] - first[still]) * x / path.length
+                q = _solve_near(path, arm, float(x), q)
+            before = s
+            found.append(q.copy())
+        return np.array(found)
+
+    return _trace_near(path, arm.holding({}), positions, 0.0)
+
+
+def _solve_near(path: Path, arm: SerialArm, s: float, q: FloatArray) -> FloatArray:
+    """Return joint positions nearest to q [rad], (dof,), for a tool pose, with still joints kept.
+
+    - `s`: arc length of the pose [m].
+    """
+    from armcontour.planning.tracing.smoothing import null_space
+    from armcontour.planning.tracing.strained_postures import targets_at
+
+    moving, joints = without_held(arm.hold_still(q))
+    task = dimension_of(path, arm, moving)
+    pose = targets_at(turn_as_tool(path, moving), np.array([s]))
+    near = q[None, joints]
+    w = null_space(moving, pose, task, near)[:, None]
+    solution = near.copy()
+    if not pose_solver.solve_poses(moving.link_table, task, solution, pose, w, near[:, None])[0]:
+        NumericSolver(path, moving, task, TRACING_TOLERANCE, None).refuse_stop(s, near[0])
+    found = q.copy()
+    found[joints] = solution[0]
+    return found
+
+
 def is_redundant(path: Path, arm: SerialArm) -> bool:
-    """Test whether the joints of an arm that are not held can move while the tool rests."""
-    moving, _ = _moving(arm)
-    return task_dimension(path, moving) < moving.dof
+    """Test whether the joints of an arm that are not held can move while the tool point rests."""
+    from armcontour.planning.tracing.leaning import may_lean
+
+    moving, _ = without_held(arm)
+    task = dimension_of(path, arm, moving)
+    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -570,8 +671,12 @@ def _trace_near(
     - `positions`: joint positions at arc lengths [m], (n,) -> (n, dof).
     - `knot`: arc length of an additional knot [m].
     """
-    _, joints = _moving(arm)
-    knots = first_knots(path, arm.span, FINER)
+    from armcontour.planning.tracing.leaning import leans, may_lean, trace_leaning
+    from armcontour.planning.tracing.two_axis_head import HEAD_FINER
+
+    moving, joints = without_held(arm)
+    leaning = dimension_of(path, arm, moving) == AXIS_TASK and may_lean(path, moving)
+    knots = first_knots(path, arm.span, HEAD_FINER if leaning else FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
         split = (knots.s0 < knot) & (knot < s[1:])
@@ -579,7 +684,11 @@ def _trace_near(
         knots = knots.halve(split, u)[0]
         s = np.append(knots.s0, path.length)
     q = positions(s)[:, joints]
-    return _refine_solution(path, arm, knots, row_of_poses(path, knots), q)
+    poses = row_of_poses(path, knots)
+    if leaning and leans(path, moving, poses, q):
+        refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
+        return trace_leaning(path, arm, knots, q, knot, refine_near)
+    return _refine_solution(path, arm, knots, poses, q)
 
 
 def _trace_planar(
@@ -598,18 +707,56 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[Candidate]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
-    from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.leaning import attempts, may_lean
+    from armcontour.planning.tracing.refusals import name_cause
 
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
-    knots = first_knots(path, arm.span, FINER if task < moving.dof else 1)
-    poses = row_of_poses(path, knots)
+    moving, joints = without_held(arm)
+    task = dimension_of(path, arm, moving)
+    near = None if seed is None else seed[joints]
+    leaning = task == AXIS_TASK and may_lean(path, moving)
+    try:
+        if leaning:
+            refine_near = partial(_refine_guided, arm, tolerance)
+            tries = ((x, 0.0) for x in attempts(path, arm, near, refine_near))
+            return _complete(tries, max_count)
+        return _trace_exactly(path, arm, task, near, tolerance, max_count)
+    except Unreachable as error:
+        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
+        # head, the singularity of the required axis is no cause.
+        if seed is not None or (leaning and cone_of(path) == 0.0):
+            raise
+        raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
+
+
+def _trace_exactly(
+    path: Path,
+    arm: SerialArm,
+    task: int,
+    seed: FloatArray | None,
+    tolerance: float,
+    max_count: int | None,
+) -> list[Candidate]:
+    """Trace a path in the configurations in which the tool has the required orientation.
+
+    - `seed`: as in `trace`, for the joints that are not held, (joints,).
+    """
+    from armcontour.planning.tracing.branch_solutions import find_solutions
+    from armcontour.planning.tracing.refusals import numbered_as
+
+    moving, _ = without_held(arm)
+    turned = turn_as_tool(path, moving)
+    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
+    poses = row_of_poses(turned, knots)
 
     def refine_solution(solution: Solution) -> JointPath:
-        return _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
+        if cone_of(path) > 0.0:
+            # The tool turns about one direction only, and differs from the required axis.
+            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+        return joint_path
 
-    near = None if seed is None else seed[joints]
-    solutions = find_solutions(path, moving, knots, poses, task, near)
+    with numbered_as(arm):
+        solutions = find_solutions(turned, moving, knots, poses, task, seed)
     return _complete([(partial(refine_solution, x), x.cost) for x in solutions], max_count)
 
 
@@ -631,16 +778,36 @@ def _refine_solution(
     from armcontour.planning.tracing.smoothing import null_space
     from armcontour.planning.tracing.stations import choose_stations
 
-    moving, joints = _moving(arm)
-    task = task_dimension(path, moving)
+    moving, _ = without_held(arm)
+    task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
         index = choose_stations(path, knots, poses).index
         w = null_space(moving, poses[index], task, q[index])
         s = np.append(knots.s0, path.length)
         guide = Guide.through(s[index], q[index], w, path.stops)
-    numeric = NumericSolver(path, moving, task, tolerance, guide)
+    return _refine_guided(arm, tolerance, path, knots, q, task, guide)
+
+
+def _refine_guided(
+    arm: SerialArm,
+    tolerance: float,
+    path: Path,
+    knots: Knots,
+    q: FloatArray,
+    task: int,
+    guide: Guide | None,
+) -> JointPath:
+    """Refine joint positions near those at knots to a joint path, and check its ranges.
+
+    - `tolerance`, `q`: as in `_refine_solution`.
+    - `task`: task dimension; the guide determines the other motions.
+    """
+    moving, joints = without_held(arm)
+    numeric = NumericSolver(turn_as_tool(path, moving), moving, task, tolerance, guide)
     joint_path = refine(numeric, knots, np.concatenate([q[:-1], q[1:]]))
+    if numeric.path is not path:
+        joint_path = replace(joint_path, tool_path=path)
     if moving is not arm:
         joint_path = _with_held(joint_path, arm.chain, joints)
     check_joint_range(joint_path, arm.limits, arm)

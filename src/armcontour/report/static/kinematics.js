@@ -9,6 +9,7 @@ import { Matrix4, Vector3 } from "./vendor/three.js";
  * @property {"revolute" | "prismatic"} type
  * @property {number} parent the link that carries the joint
  * @property {number} column index of its position in a posture
+ * @property {number} [factor] factor of this position, of a joint that follows another one
  * @property {number[]} axis unit vector, in the joint's frame
  * @property {number[][]} origin the joint's frame at zero in the frame of `parent`, 4x4
  * @property {[number | null, number | null]} [limits] [rad or m], null where there is none
@@ -36,7 +37,7 @@ export class Chain {
   links(q) {
     const found = [new Matrix4()];
     this.joints.forEach((joint, k) => {
-      found.push(found[joint.parent].clone().multiply(this.origins[k]).multiply(jointMotion(joint, q[joint.column])));
+      found.push(found[joint.parent].clone().multiply(this.origins[k]).multiply(jointMotion(joint, (joint.factor ?? 1) * q[joint.column])));
     });
     return found;
   }

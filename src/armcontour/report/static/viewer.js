@@ -1,8 +1,9 @@
 // Arm, cell and tool path in space (three.js), for the Studio and for reports. Drawn only on request.
 
+import { frame } from "./framing.js";
 import { Chain, poseOf } from "./kinematics.js";
 import {
-  BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, EdgesGeometry, Fog, GridHelper, Group, HemisphereLight,
+  BufferAttribute, BufferGeometry, Color, DirectionalLight, EdgesGeometry, Fog, GridHelper, Group, HemisphereLight,
   LineBasicMaterial, LineMaterial, LineSegments, LineSegments2, LineSegmentsGeometry, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   OrbitControls, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Scene, ShadowMaterial, SphereGeometry, toCreasedNormals, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
@@ -11,9 +12,10 @@ import {
 /** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, thin?: boolean, colours: (piece: number) => string}} Lines in the work frame [m] */
 /** @typedef {"light" | "dark"} Theme */
 /** @typedef {{name: string, solid: Mesh, kind: string}} Solid */
+/** @typedef {{link: number, points: Vector3[]}} Corners of a body, in the frame of its link [m] */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
-const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Arm: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
+const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Cell: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
@@ -23,14 +25,18 @@ const COARSE = 0.75;
 const REST = 600;
 /** Vertical field of view [degrees]; largest angle from above, so that the camera stays above the floor; angle of a visible edge [degrees]. */
 const [FIELD, LOWEST, EDGE] = [29, 1.52, 32];
+/** Free margin around what a view shows, as a share of half the picture; smallest distance from the camera to it [m]. */
+const [MARGIN, NEAREST] = [0.06, 0.2];
+/** Spacing of the lines on the ground, and the spacing for cells with a larger reach than `WIDE` [m]. */
+const [FINE_GRID, COARSE_GRID, WIDE] = [0.1, 0.5, 2.5];
 /** Rotation [rad] and translation [px] per key press. */
 const [KEY_TURN, KEY_SHIFT] = [0.1, 40];
 /** Render order of lines, which are drawn in front of shadows and bodies. */
 const BEHIND = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 2 };
 /** Colours by theme; obstacles after Okabe and Ito. */
 const PAINTS = {
-  light: { ground: "#f4f6f8", grid: "#e1e5e9", axis: "#c9d0d6", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", cap: "#8fb3cd", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7", line: "#4a5259", arrow: "#0072b2" },
-  dark: { ground: "#14171c", grid: "#2a2f37", axis: "#4a525e", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", cap: "#4f7c9c", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d", line: "#c2cad4", arrow: "#56b4e9" },
+  light: { ground: "#f4f6f8", grid: "#e1e5e9", edge: "#5d6873", tip: "#1c1f24", alarm: "#b3261e", link: "#e4e9ee", joint: "#8fb3cd", axis: "#93a7ba", tool: "#4a5259", obstacle: "#e69f00", table: "#dde1e5", part: "#b9c0c7", line: "#4a5259", arrow: "#0072b2" },
+  dark: { ground: "#14171c", grid: "#2a2f37", edge: "#0d1014", tip: "#ffffff", alarm: "#ff7b72", link: "#97a3b1", joint: "#4f7c9c", axis: "#4d6073", tool: "#c2cad4", obstacle: "#e69f00", table: "#30353c", part: "#69737d", line: "#c2cad4", arrow: "#56b4e9" },
 };
 
 /** Return the name of the WebGL renderer; null without WebGL. @returns {string | null} */
@@ -74,8 +80,8 @@ export class Viewer {
     this.controls = new OrbitControls(this.eye, this.canvas);
     Object.assign(this.controls, { maxPolarAngle: LOWEST, zoomToCursor: true, minDistance: 0.03 });
     this.controls.addEventListener("change", () => {
-      // The target is not below the floor, so the camera is not either.
-      this.controls.target.z = Math.max(0, this.controls.target.z);
+      // The target is not below the ground, so the camera is not either.
+      this.controls.target.z = Math.max(this.ground, this.controls.target.z);
       this.draw();
     });
     this.controls.addEventListener("start", () => this.name(""));
@@ -109,6 +115,13 @@ export class Viewer {
     this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
     this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
+    /** Height of the ground; size of the arm without external axes [m]. */
+    this.ground = 0;
+    this.armSize = 1;
+    /** Space that the host covers at the top and at the bottom of the picture [px]. */
+    this.covered = { top: 0, bottom: 0 };
+    /** @type {Corners[]} */
+    this.corners = [];
     /** @type {(Group | GridHelper)[]} one group per link, the base first, and the grid */
     this.groups = [];
     /** @type {Map<string, MeshLambertMaterial | LineBasicMaterial>} */
@@ -128,11 +141,14 @@ export class Viewer {
     this.work = this.onPart = poseOf(arm.head.part.at);
     this.part = 0;
     this.reach = 1;
-    this.joints = this.points = /** @type {Vector3[]} */ ([]);
+    this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
     this.size = this.view = "";
     this.setArm(arm);
-    new ResizeObserver(() => this.draw()).observe(host);
+    new ResizeObserver(() => {
+      if (this.view) this.look(this.view);
+      this.draw();
+    }).observe(host);
   }
 
   /** @param {string} view a name in `VIEWS`, "" for none of them */
@@ -159,45 +175,59 @@ export class Viewer {
     this.onPart = poseOf(head.part.at);
     this.part = head.part.link;
     this.reach = Math.max(0.05, head.reach);
+    this.armSize = head.size;
+    this.ground = head.ground;
+    this.corners = [];
     this.groups = [new Group(), ...head.joints.map(() => new Group())];
     for (const x of this.groups) x.matrixAutoUpdate = false;
     const inModel = new Set(this.modelSolids.map((x) => x.name));
     for (const body of head.bodies) if (body.colour !== "part" || !inModel.has(body.name)) this.addBody(body, arrays[body.triangles]);
     this.solids.push(...this.modelSolids);
-    const named = (/** @type {string} */ colour) => head.bodies.some((/** @type {any} */ x) => x.colour === colour);
-    if (!named("link")) this.addSticks();
-    this.addTool(poseOf(head.tip));
     const wide = Math.ceil(4 * this.reach);
-    const grid = new GridHelper(wide, 10 * wide);
-    grid.rotateX(Math.PI / 2).position.z = -0.001;
+    const grid = new GridHelper(wide, wide / (this.reach > WIDE ? COARSE_GRID : FINE_GRID));
+    // The ground is in the slab that shows a floor of the scene, not in its surface.
+    grid.rotateX(Math.PI / 2).position.z = this.ground - 0.001;
     this.groups.push(grid);
     this.floor.scale.setScalar(wide);
+    this.floor.position.z = this.ground - 0.001;
     this.scene.add(...this.groups);
-    this.placeSun();
     this.setJoints(head.joints.map(() => 0));
-    this.tip.scale.setScalar(0.004 * this.reach);
-    this.alarm.scale.setScalar(0.008 * this.reach);
-    for (const x of this.touchedDots) x.scale.setScalar(TOUCHED * this.reach);
+    this.placeSun();
+    this.tip.scale.setScalar(0.005 * this.armSize);
+    this.alarm.scale.setScalar(0.01 * this.armSize);
+    for (const x of this.touchedDots) x.scale.setScalar(TOUCHED * this.armSize);
     this.controls.maxDistance = 8 * this.reach;
     // The target stays visible.
     this.controls.maxTargetRadius = 1.2 * this.reach;
     this.setTheme(this.theme);
   }
 
+  /** Light the volume in which bodies can be: around the base, or around a cell that is smaller than the reach of its axes. */
   placeSun() {
-    const { reach, sun } = this;
-    sun.position.set(0.7 * reach, -0.9 * reach, 1.7 * reach);
-    Object.assign(sun.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * reach, far: 4 * reach });
+    const { sun } = this;
+    const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
+    for (const x of this.shownPoints(true)) {
+      low.min(x);
+      high.max(x);
+    }
+    const around = low.distanceTo(high) / 2 + this.armSize;
+    const radius = Math.min(this.reach, around);
+    const middle = around < this.reach ? low.add(high).multiplyScalar(0.5) : new Vector3();
+    sun.target.position.copy(middle);
+    sun.position.set(0.7 * radius, -0.9 * radius, 1.7 * radius).add(middle);
+    Object.assign(sun.shadow.camera, { left: -radius, right: radius, top: radius, bottom: -radius, near: 0.1 * radius, far: 4 * radius });
     sun.shadow.camera.updateProjectionMatrix();
   }
 
   /** @param {{name: string, link: number, colour: string, at: number[][]}} body @param {Float32Array} triangles [m] */
   addBody({ name, link, colour, at }, triangles) {
     const shape = new BufferGeometry().setAttribute("position", new BufferAttribute(triangles, 3));
-    const kind = colour === "link" && /wrist|shoulder|[357]$/.test(name) ? "cap" : colour;
+    const kind = colour === "link" && /wrist|shoulder|[357]$/.test(name) ? "joint" : colour;
     const solid = new Mesh(toCreasedNormals(shape, 0.55), this.material(kind));
     solid.castShadow = colour !== "table";
     solid.receiveShadow = !this.software || colour === "table" || colour === "part";
+    // A table is larger than the cell.
+    if (colour !== "table") this.corners.push({ link, points: cornersOf(shape, poseOf(at)) });
     const edges = new LineSegments(new EdgesGeometry(shape, EDGE), this.material("edge"));
     for (const x of [solid, edges]) {
       x.matrixAutoUpdate = false;
@@ -205,30 +235,6 @@ export class Viewer {
       this.groups[link].add(x);
     }
     this.solids.push({ name, solid, kind });
-  }
-
-  /** Draw links without a shape as sticks between the joints. */
-  addSticks() {
-    const ends = [...this.chain.origins.map((x, k) => ({ link: this.chain.joints[k].parent, pose: x })), { link: this.chain.joints.length, pose: this.chain.tool }];
-    for (const { link, pose } of ends) this.addCone(link, new Vector3(), originOf(pose), 0.018 * this.reach, 0.018 * this.reach, "link");
-  }
-
-  /** Draw a slim cone to the tool point if the arm has a tool frame. @param {Matrix4} tip */
-  addTool(tip) {
-    const radius = 0.018 * this.reach;
-    this.addCone(this.chain.joints.length, originOf(tip), originOf(this.chain.tool), radius, radius / 6, "tool");
-  }
-
-  /** @param {number} link @param {Vector3} from @param {Vector3} to @param {number} thick @param {number} thin radius at `to` @param {string} colour */
-  addCone(link, from, to, thick, thin, colour) {
-    const along = to.clone().sub(from);
-    if (along.length() < 1e-3) return;
-    const solid = new Mesh(new CylinderGeometry(thin, thick, along.length(), 20), this.material(colour));
-    solid.position.copy(from).addScaledVector(along, 0.5);
-    solid.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), along.normalize());
-    solid.castShadow = true;
-    this.groups[link].add(solid);
-    this.solids.push({ name: colour, solid, kind: colour });
   }
 
   /** @param {string} name of a colour */
@@ -306,7 +312,7 @@ export class Viewer {
   newTouch() {
     const made = dot();
     made.material.color.set(/** @type {Record<string, string>} */ (PAINTS[this.theme]).tip);
-    made.scale.setScalar(TOUCHED * this.reach);
+    made.scale.setScalar(TOUCHED * this.armSize);
     return made;
   }
 
@@ -394,7 +400,6 @@ export class Viewer {
     links.forEach((x, k) => setMatrix(this.groups[k], x));
     this.work = links[this.part].clone().multiply(this.onPart);
     setMatrix(this.onWork, this.work);
-    this.joints = links.map(originOf);
     this.tip.position.copy(originOf(tool));
     this.renderer.shadowMap.needsUpdate = true;
     this.draw();
@@ -414,33 +419,58 @@ export class Viewer {
 
   /** Corners of the model's parts in the frame of the path. @returns {Vector3[]} */
   modelCorners() {
-    return this.modelSolids.flatMap(({ solid }) => {
-      solid.geometry.computeBoundingBox();
-      const box = /** @type {{ min: Vector3, max: Vector3 }} */ (solid.geometry.boundingBox);
-      return [box.min, box.max].map((x) => x.clone().applyMatrix4(this.model.matrix));
-    });
+    return this.modelSolids.flatMap(({ solid }) => cornersOf(solid.geometry, this.model.matrix));
   }
 
-  /** Look from a side at the part or at the whole arm. @param {string} view "" for the side from which it is */
+  /** Points that are in the picture: the path and the model, for the whole cell also all bodies. @param {boolean} whole @returns {Vector3[]} */
+  shownPoints(whole) {
+    const points = [...this.points, ...this.modelCorners()].map((x) => x.clone().applyMatrix4(this.work));
+    if (!whole && points.length) return points;
+    for (const { link, points: corners } of this.corners) points.push(...corners.map((x) => x.clone().applyMatrix4(this.groups[link].matrix)));
+    return [...points, this.tip.position];
+  }
+
+  /** Look from a side at the part or at the whole cell, which fills the picture. @param {string} view "" for the side from which it is */
   look(view) {
-    const { controls, eye, host } = this;
-    const path = [...this.points, ...this.modelCorners()].map((x) => x.clone().applyMatrix4(this.work));
-    const all = view === "Part" && path.length ? path : [...path, ...this.joints, this.tip.position];
-    const [low, high] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
-    for (const x of all) {
-      low.min(x);
-      high.max(x);
+    const { controls, eye, host, covered } = this;
+    const { clientWidth: width, clientHeight: height } = host;
+    if (width < 2 || height < 2) {
+      this.name(view);
+      return;
     }
-    const radius = Math.max(0.05, 0.5 * low.distanceTo(high) * (view === "Part" ? 1 : 1.15));
-    const away = (radius / Math.sin((FIELD * Math.PI) / 360)) * Math.max(1, host.clientHeight / Math.max(1, host.clientWidth));
     const azimuth = view ? VIEWS[view][0] : controls.getAzimuthalAngle() - Math.PI / 2;
     const elevation = view ? VIEWS[view][1] : Math.PI / 2 - controls.getPolarAngle();
-    controls.target.copy(low).add(high).multiplyScalar(0.5);
+    const back = new Vector3(Math.cos(elevation) * Math.cos(azimuth), Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation));
+    const right = new Vector3(-Math.sin(azimuth), Math.cos(azimuth), 0);
+    const up = back.clone().cross(right);
+    const points = this.shownPoints(view !== "Part").flatMap((x) => [x.dot(right), x.dot(up), x.dot(back)]);
+    const field = Math.tan((FIELD * Math.PI) / 360);
+    const edge = 1 - MARGIN;
+    const [x, y, z] = frame(points, {
+      ...{ right: (field * width) / height, up: field, nearest: NEAREST },
+      ...{ across: [-edge, edge], along: [-edge + (2 * covered.bottom) / height, edge - (2 * covered.top) / height] },
+    });
+    eye.position.set(0, 0, 0).addScaledVector(right, x).addScaledVector(up, y).addScaledVector(back, z);
+    // The camera turns about the middle of what it shows, above the ground.
+    const depths = points.filter((_, k) => k % 3 === 2);
+    const middle = z - (Math.min(...depths) + Math.max(...depths)) / 2;
+    const away = Math.min(middle, Math.max(NEAREST, (eye.position.z - this.ground) / Math.max(1e-3, back.z)));
+    controls.target.copy(eye.position).addScaledVector(back, -away);
     controls.cursor.copy(controls.target);
-    eye.position.set(away * Math.cos(elevation) * Math.cos(azimuth), away * Math.cos(elevation) * Math.sin(azimuth), away * Math.sin(elevation)).add(controls.target);
+    controls.maxDistance = Math.max(8 * this.reach, 2 * away);
     controls.update();
     this.name(view);
+    this.tellCamera(width / height);
     this.draw();
+  }
+
+  /** Write the projection from the floor's frame to the picture, by columns, into the host's data. @param {number} aspect */
+  tellCamera(aspect) {
+    this.eye.aspect = aspect;
+    this.eye.updateProjectionMatrix();
+    this.eye.updateMatrixWorld();
+    const { elements } = new Matrix4().multiplyMatrices(this.eye.projectionMatrix, this.eye.matrixWorldInverse);
+    this.host.dataset.camera = elements.join(",");
   }
 
   /** Handle keys: arrows rotate, with Shift they move; + and - zoom. @param {KeyboardEvent} event */
@@ -501,8 +531,8 @@ export class Viewer {
   }
 }
 
-/** Radius of a dot at a touched point, as a share of the arm's reach. */
-const TOUCHED = 0.006;
+/** Radius of a dot at a touched point, as a share of the arm's size. */
+const TOUCHED = 0.0075;
 
 /** Make a dot that is visible through all bodies. @returns {Mesh<SphereGeometry, MeshBasicMaterial>} */
 function dot() {
@@ -517,6 +547,15 @@ function segmentsOf(points, breaks) {
   for (let line = 0; line + 1 < breaks.length; line += 1)
     for (let i = 3 * breaks[line]; i + 3 < 3 * breaks[line + 1]; i += 3) for (let j = 0; j < 6; j += 1) ends.push(points[i + j]);
   return new Float32Array(ends);
+}
+
+/** Return the corners of the box around a geometry, in the frame in which it has a pose. @param {BufferGeometry} geometry @param {Matrix4} pose @returns {Vector3[]} */
+function cornersOf(geometry, pose) {
+  geometry.computeBoundingBox();
+  const { min, max } = /** @type {{ min: Vector3, max: Vector3 }} */ (geometry.boundingBox);
+  const found = [];
+  for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) found.push(new Vector3(x, y, z).applyMatrix4(pose));
+  return found;
 }
 
 /** @param {Matrix4} pose */

@@ -27,7 +27,7 @@ async function load() {
 
 async function loadViewer() {
   const three = { "./vendor/three.js": await addressOf("three") };
-  const viewer = await addressOf("viewer", { ...three, "./kinematics.js": await addressOf("kinematics", three) });
+  const viewer = await addressOf("viewer", { ...three, "./framing.js": await addressOf("framing"), "./kinematics.js": await addressOf("kinematics", three) });
   return { ...(await import(viewer)), ...(await import(await addressOf("message_frame"))) };
 }
 
@@ -69,7 +69,7 @@ async function showArm(figure) {
     DARK.addEventListener("change", paint);
     viewer.mark(motion.head.nearest?.points ?? null, null);
     enablePlayer(player, motion.arrays, viewer);
-    viewer.look("Arm");
+    viewer.look("Cell");
   } catch (error) {
     console.error(error);
     space.textContent = "This browser cannot draw the arm in space: it needs WebGL.";

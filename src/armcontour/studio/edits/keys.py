@@ -12,7 +12,8 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import Quantity, unit_of, write_like
+from armcontour.core.quantities import Quantity, read_plain, unit_of, write_like
+from armcontour.core.render import scale
 from armcontour.core.text import Keys, plain_number, show
 from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_model import JobModel
@@ -27,6 +28,9 @@ SHARP = "sharp"
 SHARED = {"speed": "limits", "tolerance": "corners"}
 # Outputs of exports, which are numbers or names.
 OUTPUTS: Keys = ("export", "outputs")
+# Keys of external axes, whose lengths, angles and rates have the units of results: mm and deg. The
+# page shows them in these units, and numbers without a unit that a user types have them.
+EXTERNAL_AXES: tuple[Keys, ...] = (("arm", "rail"), ("arm", "positioner"))
 # Required mappings of a job: they stay even if they become empty.
 REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
@@ -148,6 +152,8 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         return int(value)
     if kind is None or isinstance(value, bool):
         return value
+    if isinstance(value, str) and (unit := shown_unit(keys, kind)):
+        return _format_shown(value.strip(), unit, old, kind)
     if isinstance(value, str):
         number = plain_number(value)
         if number is None or not kind.unit:
@@ -161,6 +167,29 @@ def format_value(value: Any, old: Any, keys: Keys) -> Any:
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None
         return write_like(float(value), like, kind)
     return value
+
+
+def shown_unit(keys: Keys, kind: Quantity) -> str:
+    """Return the unit in which the page shows a value of an external axis; empty if as written."""
+    unit, factor = scale(kind.unit)
+    return unit if keys[:2] in EXTERNAL_AXES and factor != 1 else ""
+
+
+def _format_shown(text: str, unit: str, old: Any, kind: Quantity) -> Any:
+    """Format text whose number has the shown unit, unless it has another one, like the old value.
+
+    Text that is no quantity is unchanged; the reader of the keys refuses it.
+    """
+    typed = text if plain_number(text) is None else f"{text} {unit}"
+    try:
+        value = read_plain(typed, kind)
+    except ValueError:
+        return text
+    is_number = isinstance(old, int | float) and not isinstance(old, bool)
+    same_unit = isinstance(old, str) and unit_of(old, kind) == unit_of(typed, kind)
+    if same_unit or not isinstance(old, str) and not is_number:
+        return typed
+    return write_like(value, old, kind)
 
 
 def _format_typed(number: str, old: Any, kind: Quantity) -> Any:

@@ -21,6 +21,8 @@ const NOT_LOADED = "The arm could not be loaded: load the page again.";
 const FINEST = 1 / 4000;
 /** Within this distance a click selects a contour. */
 const NEAR = 6; // px
+/** Height of the note at the bottom. */
+const NOTE = 44; // px
 
 /** @param {Store} store @param {import("./connection.js").Link} link */
 export function init(store, link) {
@@ -106,7 +108,7 @@ class ArmView {
     const { document, options } = this.store;
     if (!document || document.id === this.offered) return;
     this.offered = document.id;
-    const isNew = Boolean(document.model) && !(document.data.path?.edges ?? [0]).length;
+    const isNew = Boolean(document.model) && hasNoEdges(document.data.path);
     if (isNew !== options.edges || isNew) this.store.setView({ edges: isNew, ...(isNew && options.stage === "2d" && { stage: "3d" }) });
   }
 
@@ -178,12 +180,14 @@ class ArmView {
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     viewer?.touch(store.touched?.xyz ?? []);
     viewer?.alert(store.refusal?.head.bodies ?? []);
-    // A model stays in view while its edges are picked.
+    // A model without selected edges is shown alone, and stays in view while its edges are picked.
     const hasModel = Boolean(viewer?.shownModel);
     const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
-      viewer.look(hasModel ? "Part" : "Arm");
+      // The buttons of the views, and the note, cover parts of the picture.
+      viewer.covered = { top: viewer.bar.offsetTop + viewer.bar.offsetHeight, bottom: NOTE };
+      viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
     }
     Object.assign(region.dataset, {
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
@@ -204,3 +208,6 @@ class ArmView {
     return "";
   }
 }
+
+/** Return whether no edge of a model is selected; a path without rules has all its edges. @param {any} path @returns {boolean} */
+const hasNoEdges = (path) => Array.isArray(path?.edges) && path.edges.length === 0;

@@ -252,14 +252,15 @@ function One({ f, at, label = f.name }) {
     if (typeof at.at(-1) === "number" && typeof whole.written !== "object") own.written ??= whole.written;
     if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
     const edits = /** @type {any[]} */ (waiting.value.find((x) => x.key === key)?.edits);
-    return JSON.stringify([own, rowAt(at), edits?.findLast((x) => x.do === "set" && x.key.join(".") === key)?.value]);
+    return JSON.stringify([own, rowAt(at), head.value.shown[key], edits?.findLast((x) => x.do === "set" && x.key.join(".") === key)?.value]);
   });
-  const [{ written, from }, row, refused] = JSON.parse(state.value);
+  // Values of external axes are shown in the units of the page, whatever their units in the file.
+  const [{ written, from }, row, shown, refused] = JSON.parse(state.value);
   const place = useRef(/** @type {HTMLElement | null} */ (null));
   const is = written !== undefined ? from : row?.arm ? "arm" : at[1] === "contours" ? "contour" : "default";
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
-  const given = textOf(refused !== null ? refused : key === "arm" ? (written?.name ?? written?.file ?? written) : written);
+  const given = refused === null && shown ? shown.text : textOf(refused !== null ? refused : key === "arm" ? (written?.name ?? written?.file ?? written) : written);
   const value = typeof row?.value === "number" && (is === "arm" || is === "default") ? quantity(row.value, row) : given;
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");
@@ -281,7 +282,7 @@ function One({ f, at, label = f.name }) {
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number in the file stays a plain number; its unit is shown next to it.
-  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? f.unit) : "";
+  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? shown?.unit ?? f.unit) : "";
   return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape} onInput=${() => (refusals.value = { ...refusals.value, [key]: undefined })}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>

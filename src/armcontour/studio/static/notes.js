@@ -19,7 +19,8 @@ export function init(store) {
   const update = nowAndThen(READING, () => {
     const picture = store.latest("picture")?.head ?? {};
     const figures = store.isCurrent(store.latest("figures")) ? store.latest("figures")?.head : {};
-    const all = (/** @type {string} */ name) => [...new Set([...(picture[name] ?? []), ...(figures[name] ?? [])])];
+    const arm = store.latest("arm")?.head ?? {};
+    const all = (/** @type {string} */ name) => [...new Set([picture, figures, arm].flatMap((x) => x[name] ?? []))];
     const warnings = all("warnings");
     tab.dataset.count = String(warnings.length || "");
     say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
@@ -36,5 +37,5 @@ export function init(store) {
       region,
     );
   });
-  for (const event of ["picture", "figures", "view"]) store.on(event, update);
+  for (const event of ["arm", "picture", "figures", "view"]) store.on(event, update);
 }

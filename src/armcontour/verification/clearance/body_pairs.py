@@ -15,7 +15,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Arm, Chain
-from armcontour.robot.chain import joint_frames, link_table
+from armcontour.robot.chain import joint_frames, link_poses, link_table
 from armcontour.robot.kernels import frames_of
 from armcontour.robot.scene import (
     BASE,
@@ -44,6 +44,8 @@ MOUNTING = "mounting"
 FIRST_RAISED = 2
 # Depth from which a link counts as below the mounting plane [m].
 BELOW = 1e-3
+# A prismatic joint slides along a plane if the sine of its angle to the plane is below this.
+ALONG_PLANE = 1e-6
 # Uncertainty of distances, due to the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
 # Reason to exclude a pair of links that touch in all tried postures.
@@ -73,11 +75,15 @@ class Pair:
         - `farthest`: largest distance of each joint from 0 [m or rad], (dof,).
         - `slides`: True for prismatic joints, (dof,).
         """
-        # Prismatic joints between a revolute joint and the second body move the body away from the
+        # Prismatic joints between a revolute joint and the moving body move the body away from the
         # axis of the revolute joint.
-        travel = farthest * slides * (np.arange(len(slides)) < self.second.link)
-        later_travel = np.cumsum(travel[::-1])[::-1] - travel
-        return self.radii + later_travel * (self.radii > 0) * ~slides
+        joints = np.arange(len(slides))
+        between = (self.first.link <= joints) & (joints < self.second.link)
+        travel = np.where(slides & between, farthest, 0.0)
+        before = np.cumsum(travel) - travel
+        first_moves = isinstance(self.second.shape, HalfSpace)
+        away = before if first_moves else travel.sum() - travel - before
+        return np.asarray(self.radii + away * (self.radii > 0) * ~slides)
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
@@ -93,6 +99,8 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
             reason = "both are fixed"
         elif allowed:
             reason = f"{first.name} allows it to touch"
+        elif _slides_along(chain, first, second):
+            reason = f"it only slides along the plane of {first.name}"
         else:
             pairs.append(_make_pair(radii_of, first, second, kind, margin))
             continue
@@ -134,6 +142,22 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
             "(arm.with_shapes in Python)."
         )
     return arm.chain, arm.shapes
+
+
+def _slides_along(chain: Chain, obstacle: LinkShape, body: LinkShape) -> bool:
+    """Return whether a body only slides along the plane of an obstacle, such as on a rail.
+
+    Their distance is then that of their construction, and no motion changes it.
+    """
+    if not isinstance(obstacle.shape, HalfSpace) or body.tool:
+        return False
+    first, last = sorted((obstacle.link, body.link))
+    if not chain.slides[first:last].all():
+        return False
+    turned = link_poses(chain, np.zeros((1, len(chain))))[0, :, :, :3]
+    directions = np.einsum("kij,kj->ki", turned[first + 1 : last + 1], chain.axes[first:last])
+    normal = turned[obstacle.link] @ obstacle.place.rotation[:, 2]
+    return bool((np.abs(directions @ normal) < ALONG_PLANE).all())
 
 
 def _links_without_shape(chain: Chain, bodies: Sequence[LinkShape]) -> list[LeftOut]:
@@ -254,19 +278,26 @@ def _radii(chain: Chain, body: LinkShape) -> FloatArray:
     middle, size = body.shape.ball
     start = middle = body.place.position + body.place.rotation @ middle
     radius = size
-    for k in range(body.link - 1, -1, -1):
+    rows = chain.rows
+    last = chain.joint_row[body.link - 1] if body.link else -1
+    for row in rows[last::-1] if body.link else ():
         # A ball about a point on the axis contains the body at any joint position.
-        if slides[k]:
-            radii[k] = 1.0
-            middle = chain.positions[k] + chain.rotations[k] @ middle
+        if row.slides:
+            radii[row.leader] += 1.0
+            middle = row.position + row.rotation @ middle
             continue
-        along = chain.axes[k] * float(chain.axes[k] @ middle)
-        radii[k] = radius = radius + float(np.linalg.norm(middle - along))
-        middle = chain.positions[k] + chain.rotations[k] @ along
+        along = row.axis * float(row.axis @ middle)
+        radius = radius + float(np.linalg.norm(middle - along))
+        # Joints that follow another one add their speed to that of this joint.
+        radii[row.leader] += abs(row.factor) * radius
+        middle = row.position + row.rotation @ along
     middle = start
     radius = size
     for k in range(body.link, chain.floor_link):
         middle = chain.rotations[k].T @ (middle - chain.positions[k])
+        if slides[k]:
+            radii[k] = 1.0
+            continue
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = along
@@ -287,6 +318,7 @@ class Distances:
             bodies[id(pair.second)] = pair.second
         places = {key: k for k, key in enumerate(bodies)}
         self._links = link_table(chain)
+        self._chain = chain
         self._base = chain.base.matrix
         self.slides = chain.slides
         # Frames of the bodies in the frames of joints, which have z along the joint axis.
@@ -360,7 +392,7 @@ class Distances:
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Return the placements of all bodies in the work frame, (n, bodies, 3, 4)."""
-        joints = frames_of(self._links, kernel_array(q))
+        joints = self._chain.without_followers(frames_of(self._links, kernel_array(q)))
         # The base (link 0) is stored at index -1, in place of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
