@@ -123,3 +123,10 @@ def test_a_smaller_reserve_is_suggested_if_it_saves_more_than_a_better_drive(tmp
     edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}
     assert edits["timing.reserve"] == 0.02
     assert not any("joint" in key for key in edits)
+
+
+def test_changes_of_long_programs_are_planned_on_request_only():
+    points = [[0.30 + 5e-4 * k, 0.20 + 0.01 * (k % 2)] for k in range(200)]
+    text = yaml.safe_dump({**CORNER, "path": {"points": points}})
+    job_result = ac.run(parse_job(text))
+    assert with_advice(job_result).runs["one"].advice is None

@@ -12,7 +12,7 @@ from armcontour.planning import optimal_timing
 from armcontour.planning.constraints import SecondOrder, constraints_of, limits_on
 from armcontour.planning.path_grid import place_grid
 from armcontour.planning.topp.grid_plan import plan_on_grid
-from armcontour.planning.topp.plan_rules import Rules
+from armcontour.planning.topp.plan_rules import FOUND, Rules
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
 LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
@@ -448,3 +448,24 @@ def test_refusal_of_end_speed_states_allowed_speed_only_for_given_tool_rotation(
         "Lower it",
         allowed=None,
     )
+
+
+@pytest.mark.parametrize("intervals", [500, 4000, 12_000])
+def test_the_time_lost_by_a_grid_is_estimated_within_a_factor_of_three(intervals):
+    ratios = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        path = ac.JointPath.spline(rng.uniform(-2, 2, (6, 6)), np.linspace(0, 1, 6))
+        velocity = rng.uniform(1, 3, 6)
+        acceleration = rng.uniform(1, 5, 6)
+        limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
+        on = SampledJointPath(place_grid(path, intervals))
+        active = constraints_of(path, None, limits)
+        rules = Rules(max_margin=0.02, estimates_loss=True)
+        plan = plan_on_grid(on.intervals, limits_on(on, active), rules)
+        assert plan.outcome == FOUND
+        fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=200_000)).duration
+        ratios.append(plan.lost_time / (plan.duration - fine))
+    # Where dq_ds of a joint vanishes, the estimate for one interval can be far too large.
+    assert min(ratios) > 0.7
+    assert np.median(ratios) < 3
