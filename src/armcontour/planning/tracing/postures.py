@@ -364,7 +364,7 @@ class _Graph:
         """Return the largest moves between stations [rad], (dof,)."""
         moves = np.full(self.arm.dof, LARGEST_MOVE)
         moves[: self.first] = np.inf
-        return np.maximum(moves, ROTATION_SHARE * rotation)
+        return np.asarray(np.maximum(moves, ROTATION_SHARE * rotation))
 
     def _near(self, cells: FloatArray, before: FloatArray, rotation: float) -> BoolArray:
         """Return whether cells are near those of the layer before, (cells, cells before)."""
@@ -463,7 +463,7 @@ class _Graph:
         """Return the nodes at a station in the given cells, without empty cells."""
         arm = self.arm
         count = len(cells)
-        tools = float(len(self.turns))
+        tools = len(self.turns)
         pose = self.poses[i]
         rows = np.hstack([cells, np.zeros((count, ARM_JOINTS))])
         bases = np.repeat(link_poses(arm.chain, rows)[:, self.first], tools, axis=0)
