@@ -186,7 +186,7 @@ class ClosedForm:
         first, normal, third, fourth, fifth, sixth = self.axes
         upper, fore = self._links
         square = _dot(reach.vector, reach.vector)
-        near_wrist = np.zeros(len(square), dtype=np.bool_)
+        near_wrist: BoolArray = np.zeros(len(square), dtype=np.bool_)
         # The last array axis is for the two elbow angles; a wrist adds an axis for its two angles.
         cosine = (square - upper @ upper - fore @ fore) / 2
         lacking, elbow = normal.solve_angles(fore, upper, cosine)
@@ -200,7 +200,7 @@ class ClosedForm:
             rotated = first.turn(q1, normal.turn(together, fourth.along)) @ turned
             lacking, q5 = fifth.solve_angles(sixth.along, fourth.along, axis @ fourth.along)
             near = exists & (np.abs(lacking) <= NEAR_SINGULARITY)
-            near_wrist = near.any(axis=(1, 2, 3))
+            near_wrist = np.asarray(near.any(axis=(1, 2, 3)))
             exists = (exists & (lacking <= 0))[..., None]
             q1 = q1[..., None]
             q2 = q2[..., None]

@@ -266,7 +266,7 @@ class _Graph:
         if chain.floor_link and not slides[0]:
             steps[0] = PART_STEP * factor
         widest = np.where(slides, WIDEST_SLIDE * lengths, WIDER * steps)
-        tools = len(self.turns)
+        tools = float(len(self.turns))
         if tilt_of(chain) is not None:
             tools *= TILTED_SHARE
         while (steps < widest).any():
@@ -276,7 +276,7 @@ class _Graph:
             # Slides have larger steps first, because smoothing moves them far.
             large = slides if (steps < widest)[slides].any() else ~slides
             steps = np.where(large, np.minimum(1.2 * steps, widest), steps)
-        return steps
+        return np.asarray(steps)
 
     def _grid(self, axis: int, step: float) -> FloatArray:
         """Return the positions of an external axis [rad or m]."""
@@ -284,12 +284,12 @@ class _Graph:
         upper = self.upper[axis]
         if self.wraps[axis]:
             count = int(np.ceil(WHOLE_TURN / step))
-            return np.arange(count) * (WHOLE_TURN / count)
+            return np.asarray(np.arange(count) * (WHOLE_TURN / count))
         if not np.isfinite(upper - lower):
             lower = max(lower, -self.arm.span)
             upper = min(upper, self.arm.span)
         count = max(2, int(np.ceil((upper - lower) / step)) + 1)
-        return np.linspace(lower, upper, count)
+        return np.asarray(np.linspace(lower, upper, count), dtype=np.float64)
 
     def _tool_turns(self, factor: float, task: int) -> FloatArray:
         """Return rotations about the tool axis, (turns, 3, 3)."""
@@ -364,7 +364,7 @@ class _Graph:
         """Return the largest moves between stations [rad], (dof,)."""
         moves = np.full(self.arm.dof, LARGEST_MOVE)
         moves[: self.first] = np.inf
-        return np.maximum(moves, ROTATION_SHARE * rotation)
+        return np.asarray(np.maximum(moves, ROTATION_SHARE * rotation))
 
     def _near(self, cells: FloatArray, before: FloatArray, rotation: float) -> BoolArray:
         """Return whether cells are near those of the layer before, (cells, cells before)."""
