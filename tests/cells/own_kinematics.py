@@ -193,7 +193,8 @@ class Cell:
     def __init__(self, job_file):
         job = yaml.safe_load(Path(job_file).read_text(encoding="utf-8"))
         arm = job["arm"]
-        self.to_tool, self.to_part = [], []
+        self.to_tool = []
+        self.to_part = []
         if "file" in arm:
             description = Description(Path(job_file).parent / arm["file"])
             base = arm.get("base", description.root())
