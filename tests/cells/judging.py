@@ -28,9 +28,12 @@ class Figures:
 
 def nearest(line, points):
     """Distances of points to a polyline, and the index and fraction of the nearest place."""
-    start, along = line[:-1], np.diff(line, axis=0)
+    start = line[:-1]
+    along = np.diff(line, axis=0)
     squares = np.maximum(np.sum(along**2, axis=1), 1e-300)
-    distances, indices, fractions = [], [], []
+    distances = []
+    indices = []
+    fractions = []
     for first in range(0, len(points), BATCH):
         batch = points[first : first + BATCH]
         offset = batch[:, None] - start
@@ -78,7 +81,9 @@ def judge(job_file, table, points, axes):
     to_corners = np.min(np.linalg.norm(places[:, None] - points, axis=2), axis=1)
     step = np.diff(motion.t)
     at_samples = cell.tool_in_path(motion.q)[:, :3, 3]
-    velocity, acceleration, margin = [], [], []
+    velocity = []
+    acceleration = []
+    margin = []
     for name, joint in joints.items():
         velocity.append(np.max(np.abs(np.diff(motion.q[name]) / step)) / joint.velocity)
         loads = np.abs(np.diff(motion.dq[name]) / step)

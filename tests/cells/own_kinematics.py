@@ -193,7 +193,8 @@ class Cell:
     def __init__(self, job_file):
         job = yaml.safe_load(Path(job_file).read_text(encoding="utf-8"))
         arm = job["arm"]
-        self.to_tool, self.to_part = [], []
+        self.to_tool = []
+        self.to_part = []
         if "file" in arm:
             description = Description(Path(job_file).parent / arm["file"])
             base = arm.get("base", description.root())
@@ -276,9 +277,12 @@ def between_samples(motion, count=8):
     for name, q in motion.q.items():
         velocity = motion.dq[name][:, None]
         acceleration = motion.ddq[name][:, None]
-        a, b = q[:-1, None], q[1:, None]
-        va, vb = velocity[:-1] * step[:, None], velocity[1:] * step[:, None]
-        aa, ab = acceleration[:-1] * step[:, None] ** 2, acceleration[1:] * step[:, None] ** 2
+        a = q[:-1, None]
+        b = q[1:, None]
+        va = velocity[:-1] * step[:, None]
+        vb = velocity[1:] * step[:, None]
+        aa = acceleration[:-1] * step[:, None] ** 2
+        ab = acceleration[1:] * step[:, None] ** 2
         c3 = 10 * (b - a) - 6 * va - 4 * vb - 1.5 * aa + 0.5 * ab
         c4 = -15 * (b - a) + 8 * va + 7 * vb + 1.5 * aa - ab
         c5 = 6 * (b - a) - 3 * va - 3 * vb - 0.5 * aa + 0.5 * ab

@@ -16,33 +16,36 @@ def radial(angle):
 
 
 def rounded_rectangle(length, width, radius, step=0.01):
-    """Closed outline about the origin, counterclockwise, with its outward normals."""
-    points, normals = [], []
+    """Closed outline about the origin, counterclockwise, with its outward normals.
+
+    It begins in the middle of the side that is right of the origin. Lines are divided into pieces
+    of at most `step`.
+    """
     inner = np.array([length / 2 - radius, width / 2 - radius])
     turns = np.linspace(0.0, np.pi / 2, 13)
+    begin = np.array([[length / 2, 0.0]])
+    points = [begin]
+    normals = [np.array([[1.0, 0.0]])]
     for quarter, signs in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        angle = quarter * np.pi / 2 + turns
-        normal = radial(angle)[:, :2]
+        normal = radial(quarter * np.pi / 2 + turns)[:, :2]
         points.append(np.array(signs) * inner + radius * normal)
         normals.append(normal)
-    points, normals = np.concatenate(points), np.concatenate(normals)
-    # Begin in the middle of the first side, and divide the sides, along which the normal is
-    # constant, into short lines.
-    ring = np.concatenate([points, points[:1]])
-    facing = np.concatenate([normals, normals[:1]])
-    dense, dense_normals = [], []
-    for a, b, normal, after in zip(ring[:-1], ring[1:], facing[:-1], facing[1:], strict=True):
-        count = max(1, int(np.ceil(np.linalg.norm(b - a) / step)))
-        for k in range(count):
-            dense.append(a + (b - a) * k / count)
-            dense_normals.append(normal + (after - normal) * k / count)
-    middle = len(dense) - max(1, int(np.ceil((width - 2 * radius) / step))) // 2
-    dense = np.roll(dense, -middle, axis=0)
-    dense_normals = np.roll(dense_normals, -middle, axis=0)
-    dense = np.concatenate([dense, dense[:1]])
-    dense_normals = np.concatenate([dense_normals, dense_normals[:1]])
-    dense_normals /= np.linalg.norm(dense_normals, axis=1)[:, None]
-    return dense, dense_normals
+    points.append(begin)
+    normals.append(normals[0])
+    return divided(np.concatenate(points), np.concatenate(normals), step)
+
+
+def divided(points, normals, step):
+    """Points of a polyline with lines of at most `step`, and normals between those given."""
+    dense_points = [points[:1]]
+    dense_normals = [normals[:1]]
+    for i in range(len(points) - 1):
+        count = int(np.ceil(np.linalg.norm(points[i + 1] - points[i]) / step))
+        part = np.arange(1, count + 1)[:, None] / count
+        dense_points.append(points[i] + part * (points[i + 1] - points[i]))
+        dense_normals.append(normals[i] + part * (normals[i + 1] - normals[i]))
+    found = np.concatenate(dense_normals)
+    return np.concatenate(dense_points), found / np.linalg.norm(found, axis=1)[:, None]
 
 
 def in_plane(points, height):
