@@ -19,12 +19,12 @@ INNER_CONE = 0.95
 LEANING_WEIGHT = 0.7
 # Weight of this cost relative to the length of the joint path.
 RANGE_WEIGHT = 30.0
-# Joint positions of a cell beyond this fraction have an additional cost, by this factor, because
-# neither weights nor the rest of the path may push a joint out of its range.
+# Joint positions of a cell, and angles to gravity, beyond this fraction have an additional cost, by
+# this factor, because neither weights nor the rest of the path may push them out of their ranges.
 OUTER_RANGE = 0.95
 OUTER_FACTOR = 20.0
 # Fractions of a step that are tried with costs that are not quadratic.
-SHARES = (1.0, 0.3, 0.1, 0.03)
+SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
 # those of the arm, below which a posture has a cost.
 NEARLY_SINGULAR = 0.04
@@ -160,9 +160,12 @@ class PostureCost:
         if self.cone_chord is not None:
             axes = self.arm.poses(positions)[:, :, 2]
         chord = np.linalg.norm(axes - down, axis=1)
+        inner = np.maximum(chord / self.chord - INNER_TILT, 0.0)
+        outer = np.maximum(chord / self.chord - OUTER_RANGE, 0.0)
         outside = self.outside * self.heaviest
-        excess = np.maximum(chord / self.chord - INNER_TILT, 0.0) * outside
-        scale = np.where(excess > 0.0, outside / self.chord / np.maximum(chord, 1e-9), 0.0)
+        excess = outside * (inner + OUTER_FACTOR * outer)
+        steepness = (inner > 0.0) + OUTER_FACTOR * (outer > 0.0)
+        scale = outside * steepness / self.chord / np.maximum(chord, 1e-9)
         slopes = np.zeros((len(axes), q.shape[2]))
         slopes[:, : by_joint.shape[1]] = -scale[:, None] * (by_joint @ axes[..., None])[..., 0]
         if self.cone_chord is not None:

@@ -160,8 +160,10 @@ class Postures:
 
 
 def has_graph(arm: SerialArm) -> bool:
-    """Test whether the last six joints of an arm have a closed form."""
-    return arm.dof >= ARM_JOINTS and _closed_form(arm) is not None
+    """Test whether the last six joints of an arm have a closed form, and no other axis turns it."""
+    # If a joint of the arm is held, the last six joints can include an axis of the positioner.
+    is_whole = arm.dof - arm.chain.floor_link >= ARM_JOINTS
+    return is_whole and _closed_form(arm) is not None
 
 
 def find_postures(
@@ -301,7 +303,10 @@ class _Graph:
         """Relax all layers; return the cheapest last node of each configuration, or none."""
         grid = self._all_cells()
         if starts is None:
-            layer = self._layer(0, self._cells_at(0, grid))
+            first = self._cells_at(0, grid)
+            if not len(first):
+                return []
+            layer = self._layer(0, first)
         else:
             layer = self._start_layer(starts)
         if not len(layer.q):
@@ -317,6 +322,9 @@ class _Graph:
             near = self._near(cells, layer.cells, float(rotation))
             near &= np.minimum.reduceat(cost, layer.starts[:-1])[None] < np.inf
             kept = near.any(axis=1)
+            if not kept.any():
+                self._fail(i, layer, cost)
+                return []
             after = self._layer(i, cells[kept])
             total = np.full(len(after.q), np.inf)
             back = np.full(len(after.q), -1, dtype=np.intp)
@@ -328,8 +336,7 @@ class _Graph:
                 self._largest_moves(float(rotation)), slowness, time, total, back,
             )  # fmt: skip
             if not np.isfinite(total).any():
-                best = layer.q[np.argmin(cost)]
-                self.failure = Failure(reached=i, q=best)
+                self._fail(i, layer, cost)
                 return []
             layer = after
             cost = total
@@ -342,6 +349,13 @@ class _Graph:
             if np.isfinite(cost[best]):
                 ends.append(int(best))
         return sorted(ends, key=lambda x: cost[x])
+
+    def _fail(self, reached: int, before: Layer, cost: FloatArray) -> None:
+        """Note the first station that is not reached, and the cheapest node before it.
+
+        - `cost`: total costs up to the nodes of the layer before, (nodes,).
+        """
+        self.failure = Failure(reached=reached, q=before.q[np.argmin(cost)])
 
     def way_to(self, end: int) -> FloatArray:
         """Return the joint positions of the cheapest way to a node of the last layer, (n, dof)."""
