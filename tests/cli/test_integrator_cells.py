@@ -75,10 +75,19 @@ def put(name, folder):
     return folder / f"{name}.yaml", points, np.tile(axis / np.linalg.norm(axis), (len(points), 1))
 
 
-@pytest.mark.parametrize("name", CELLS)
-def test_cell_is_planned_within_its_limits(name, tmp_path, command):
-    job_file, points, axes = put(name, tmp_path)
-    out = tmp_path / "out"
+# Cells with other tilts [deg], and with joints that are held [rad].
+CHANGED = [
+    *(("ma2010_mt1", {"tilt": f"{x} deg"}, {}) for x in (3, 8, 12, 25)),
+    ("ma2010_mt1", {}, {"tilt": {"hold": 1.022}}),
+    ("irb4600_irbp_a", {}, {"joint_1": {"hold": 0.0}}),
+    ("irb4600_irbp_a", {}, {"tilt": {"hold": -0.78}}),
+    ("m10ia_headstock", {}, {"j2": {"hold": 1.63}}),
+]
+
+
+def check(job_file, points, axes, expected, command):
+    """Plan a job and judge the plan."""
+    out = job_file.parent / "out"
     ended = command("run", job_file, "--no-simulation", "--no-changes", "--out", out)
     assert ended.code == 0, ended.errors
     figures = judge(job_file, out / "seam" / "planned.csv", points, axes)
@@ -99,8 +108,25 @@ def test_cell_is_planned_within_its_limits(name, tmp_path, command):
     tilt = arm.get("tilt", arm.get("positioner", {}).get("tilt"))
     if tilt is not None:
         assert figures.from_gravity <= number(tilt) + 1e-6
-
     length = np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1))
-    assert figures.duration <= (1 + CELLS[name].slower) * length / speed
-    for joint, most in CELLS[name].travel.items():
+    assert figures.duration <= (1 + expected.slower) * length / speed
+    for joint, most in expected.travel.items():
         assert figures.travel[joint] <= most + 1e-9
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_cell_is_planned_within_its_limits(name, tmp_path, command):
+    check(*put(name, tmp_path), CELLS[name], command)
+
+
+@pytest.mark.parametrize(("name", "positioner", "preferences"), CHANGED)
+def test_other_tilts_and_held_joints_are_planned(name, positioner, preferences, tmp_path, command):
+    job_file, points, axes = put(name, tmp_path)
+    job = yaml.safe_load(job_file.read_text(encoding="utf-8"))
+    if positioner:
+        job["arm"]["positioner"] |= positioner
+    if preferences:
+        job["arm"]["preferences"] = preferences
+    job_file.write_text(yaml.safe_dump(job, sort_keys=False), encoding="utf-8")
+    held = dict.fromkeys(preferences, 0.0)
+    check(job_file, points, axes, Expected(travel=held), command)
