@@ -6,6 +6,7 @@ from tests.oracle import head_machine as machine
 
 import armcontour as ac
 from armcontour.files import parse_job
+from armcontour.robot import JointPreference
 
 DOWN = machine.leaning(0, 0)
 SPEED = 0.1
@@ -130,6 +131,33 @@ def test_direction_that_a_head_cannot_reach_is_named(load):
         ac.trace(path, load("B/A"))
 
 
+@pytest.mark.parametrize(
+    ("held", "named"),
+    [
+        ({"first": 0.5}, {"first"}),
+        ({"second": 0.2}, {"second"}),
+        ({"first": 0.5, "second": 0.0}, {"first", "second"}),
+        ({"first": 0.5, "x": 1.5}, {"first", "x"}),
+    ],
+)
+def test_held_joint_that_keeps_the_tool_from_a_direction_is_named(load, held, named):
+    arm = load("C/A")
+    path = path_through(*JOBS["bevel, vertical, bevel"])
+    preferences = {name: JointPreference(hold=x) for name, x in held.items()}
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.trace(path, arm.with_preferences(preferences))
+    message = str(caught.value)
+    assert caught.value.limit == "orientation"
+    assert caught.value.joint == min(arm.joint_names.index(x) for x in named)
+    assert "preferences hold" in message
+    (remedy,) = [x for x in message.split(". ") if x.startswith("Do not hold")]
+    assert {x for x in arm.joint_names if x in remedy.split(",")[0].split()} == named
+    # The remedy that the message names is traced.
+    others = {name: x for name, x in preferences.items() if name not in named}
+    joint_path = ac.trace(path, arm.with_preferences(others))
+    assert judge("C/A", path, joint_path)[0] < 1e-9
+
+
 JOB = """
 name: plate
 arm: {file: machine.urdf, joint_limits: limits.yaml, tip: tool0}
@@ -152,6 +180,16 @@ def test_job_states_the_tolerance_and_the_angle_used(tmp_path):
     assert any("0.1 deg" in x and "first" in x for x in run.remarks)
     q = run.trajectory(np.linspace(0, run.trajectory.duration, 300))
     assert np.ptp(q[:, 3]) < 1e-9
+
+
+def test_job_with_a_held_joint_of_the_head_is_refused_like_in_python(tmp_path):
+    (tmp_path / "machine.urdf").write_text(machine.description("C/A"))
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    text = BEVELED.replace("tip: tool0}", "tip: tool0, preferences: {first: {hold: 30 deg}}}")
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.run(parse_job(text, folder=tmp_path))
+    assert caught.value.joint == 3
+    assert "Do not hold first" in str(caught.value)
 
 
 BEVELED = JOB.replace(
