@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.motion import PathLaw, Trajectory
 from armcontour.motion.derivative_bounds import joint_travel
+from armcontour.motion.laws import Rates
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1)
@@ -34,6 +36,27 @@ def test_no_joint_moves_farther_than_the_bound_of_its_travel():
         assert (moved <= np.diff(bound_at(motion, dense), axis=0) + 1e-12).all(), (limits, options)
         # The bound is useful: not more than twice the true way.
         assert (travel[-1] < 2 * moved.sum(axis=0)).all(), (limits, options)
+
+
+@pytest.mark.parametrize("name", ["slope", "jerk"])
+@pytest.mark.parametrize("rounding", [-1e-13, -1e-9, 0.0, 1e-13])
+def test_rounding_of_a_uniform_path_acceleration_does_not_raise_the_bound(name, rounding):
+    # Rounding makes a parabola of the speed, whose peak is far behind the end of the law.
+    joint_path = ac.trace(ac.Path.polyline([[0.35, 0.1], [0.41, 0.15]]), ARM)
+    speed = 0.05
+    acceleration = 1.9
+    root = np.sqrt(speed**2 + 2 * acceleration * joint_path.length)
+    duration = (root - speed) / acceleration
+    values = {"ds": speed, "dds": acceleration, "slope": 0.0, "jerk": 0.0, name: rounding}
+    rates = Rates(**{key: np.array([x]) for key, x in values.items()})
+    ends = {"breaks": np.array([0.0, duration]), "s": np.array([0.0, joint_path.length])}
+    motion = Trajectory(laws=(PathLaw(joint_path=joint_path, rates=rates, **ends),), method="test")
+    dense = np.linspace(0.0, duration, 20_001)
+    moved = np.abs(np.diff(motion(dense), axis=0))
+    assert (moved <= np.diff(bound_at(motion, dense), axis=0) + 1e-12).all()
+    # In a single interval, the largest speed applies to the whole duration.
+    fastest = np.abs(motion(dense, 1)).max(axis=0) * duration
+    assert (joint_travel(motion)[1][-1] < 1.2 * fastest).all()
 
 
 def test_the_bounds_of_travel_apply_to_executed_motions(servo):

@@ -96,15 +96,23 @@ def _(law: PathLaw) -> FloatArray:
 
 
 def _bound_path_speeds(law: PathLaw) -> FloatArray:
-    """Bound the path speed in every interval [m/s], (n,)."""
+    """Bound the path speed in every interval [m/s], (n,).
+
+    ds² is a parabola over s, or, with jerk, ds is a parabola over time. A parabola that opens
+    downwards is below its peak, where the path acceleration is 0, and below its tangent at the
+    start. The peak may be far behind the end of the interval, and the tangent is steep before a
+    near peak.
+    """
     ds, dds, slope, jerk = law.rates
     speeds = law.speeds
-    # ds² is a parabola over s, or, with jerk, ds is a parabola over time. The peak is where the
-    # path acceleration is 0.
     with np.errstate(divide="ignore", invalid="ignore"):
-        over_s = np.where(slope < 0, np.sqrt(ds**2 - dds**2 / slope), 0.0)
-        peaks = np.where(jerk < 0, ds - dds**2 / (2 * jerk), over_s)
-    return np.maximum(np.maximum(speeds[:-1], speeds[1:]), np.where(dds > 0, peaks, 0.0))
+        squared_peak = np.where(slope < 0, ds**2 - dds**2 / slope, 0.0)
+        peak_over_time = ds - dds**2 / (2 * jerk)
+    squared_tangent = ds**2 + 2 * np.maximum(dds, 0.0) * np.diff(law.s)
+    over_s = np.sqrt(np.minimum(squared_peak, squared_tangent))
+    over_time = np.minimum(peak_over_time, ds + dds * np.diff(law.breaks))
+    inside = np.where(jerk < 0, over_time, over_s)
+    return np.maximum(np.maximum(speeds[:-1], speeds[1:]), np.where(dds > 0, inside, 0.0))
 
 
 def _bound_along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:

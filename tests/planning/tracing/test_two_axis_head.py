@@ -6,6 +6,7 @@ from tests.oracle import head_machine as machine
 
 import armcontour as ac
 from armcontour.files import parse_job
+from armcontour.robot import JointPreference
 
 DOWN = machine.leaning(0, 0)
 SPEED = 0.1
@@ -130,6 +131,88 @@ def test_direction_that_a_head_cannot_reach_is_named(load):
         ac.trace(path, load("B/A"))
 
 
+@pytest.mark.parametrize(
+    ("joint", "lower", "upper"),
+    [
+        # The bevels are 30 deg, in directions that are 2 rad apart.
+        (4, -0.4, 0.4),
+        (4, 0.02, 1.0),
+        (3, 0.3, 1.4),
+        (3, -0.3, 0.9),
+    ],
+)
+def test_axis_of_a_head_that_leaves_its_range_is_named(load, joint, lower, upper):
+    arm = load("C/A")
+    path = path_through(*JOBS["bevel, vertical, bevel"])
+    ends = {"joint_lower": lower, "joint_upper": upper}
+    own = dict(zip(ends, arm.limits.joint_range(arm.dof), strict=True))
+
+    def narrowed(**changes):
+        """The arm with another range of the joint."""
+        values = {name: own[name].copy() for name in ends}
+        for name, value in (ends | changes).items():
+            values[name][joint] = value
+        return arm.with_limits(arm.limits.replace(**values))
+
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.trace(path, narrowed())
+    error = caught.value
+    assert error.joint == joint
+    assert f"joint {joint + 1} ({arm.joint_names[joint]})" in str(error)
+    assert error.allowed == ends[error.limit]
+    assert (error.needed - error.allowed) * (1 if error.limit == "joint_upper" else -1) > 0
+    if joint == 4:
+        expected = 0.0 if lower > 0 else np.copysign(np.radians(30), error.allowed)
+        assert error.needed == pytest.approx(expected, abs=ALLOWED)
+    # With this range and a degree of room, the path is traced, but not with a smaller one.
+    room = np.copysign(np.radians(1), error.needed - error.allowed)
+    joint_path = ac.trace(path, narrowed(**{error.limit: error.needed + room}))
+    distance, angle = judge("C/A", path, joint_path)
+    assert distance < 1e-9
+    assert angle <= ALLOWED * (1 + 1e-9)
+    with pytest.raises(ac.Unreachable):
+        ac.trace(
+            path, narrowed(**{error.limit: error.allowed + 0.3 * (error.needed - error.allowed)})
+        )
+
+
+def test_direction_outside_of_the_cone_of_a_head_is_refused_with_its_angle(load):
+    # The tool leans at most twice the angle between both axes, 90 deg.
+    path = path_through(LINE, [*[DOWN] * 3, *[machine.leaning(120, 1.0)] * 3])
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.trace(path, load("nutating"))
+    assert caught.value.joint is None
+    assert caught.value.limit == "orientation"
+    assert caught.value.needed == pytest.approx(np.radians(30), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("held", "named"),
+    [
+        ({"first": 0.5}, {"first"}),
+        ({"second": 0.2}, {"second"}),
+        ({"first": 0.5, "second": 0.0}, {"first", "second"}),
+        ({"first": 0.5, "x": 1.5}, {"first", "x"}),
+    ],
+)
+def test_held_joint_that_keeps_the_tool_from_a_direction_is_named(load, held, named):
+    arm = load("C/A")
+    path = path_through(*JOBS["bevel, vertical, bevel"])
+    preferences = {name: JointPreference(hold=x) for name, x in held.items()}
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.trace(path, arm.with_preferences(preferences))
+    message = str(caught.value)
+    assert caught.value.limit == "orientation"
+    assert caught.value.joint == min(arm.joint_names.index(x) for x in named)
+    assert "preferences hold" in message
+    (remedy,) = [x for x in message.split(". ") if x.startswith("Do not hold")]
+    assert {x for x in arm.joint_names if x in remedy.split(",")[0].split()} == named
+    # The remedy that the message names is traced.
+    others = {name: x for name, x in preferences.items() if name not in named}
+    joint_path = ac.trace(path, arm.with_preferences(others))
+    assert judge("C/A", path, joint_path)[0] < 1e-9
+
+
 JOB = """
 name: plate
 arm: {file: machine.urdf, joint_limits: limits.yaml, tip: tool0}
@@ -152,6 +235,29 @@ def test_job_states_the_tolerance_and_the_angle_used(tmp_path):
     assert any("0.1 deg" in x and "first" in x for x in run.remarks)
     q = run.trajectory(np.linspace(0, run.trajectory.duration, 300))
     assert np.ptp(q[:, 3]) < 1e-9
+
+
+def test_job_with_a_held_joint_of_the_head_is_refused_like_in_python(tmp_path):
+    (tmp_path / "machine.urdf").write_text(machine.description("C/A"))
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    text = BEVELED.replace("tip: tool0}", "tip: tool0, preferences: {first: {hold: 30 deg}}}")
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.run(parse_job(text, folder=tmp_path))
+    assert caught.value.joint == 3
+    assert "Do not hold first" in str(caught.value)
+
+
+def test_job_whose_head_leaves_its_range_is_refused_like_in_python(tmp_path):
+    text = machine.description("C/A")
+    narrow = text.replace('lower="-1.6" upper="1.6"', 'lower="-0.1" upper="0.1"')
+    assert narrow != text
+    (tmp_path / "machine.urdf").write_text(narrow)
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.run(parse_job(BEVELED, folder=tmp_path))
+    assert caught.value.joint == 4
+    assert abs(caught.value.allowed) == 0.1
+    assert abs(caught.value.needed) == pytest.approx(np.arctan(0.4), abs=ALLOWED)
 
 
 BEVELED = JOB.replace(

@@ -57,6 +57,28 @@ def test_the_smallest_distance_is_between_the_stated_bounds():
     assert clearance.satisfied and clearance.evaluations < 200
 
 
+@pytest.mark.parametrize("more", [0.0, 1e-9, -1e-9, 1e-6])
+def test_distance_equal_to_the_margin_along_a_rail_is_decided_at_once(more):
+    # Only the rail moves, so the distance is constant. It is within the uncertainty of distances.
+    rail = ac.Rail(axis=(0, 1, 0), lower=-2, upper=2, velocity=1, acceleration=2)
+    end = LinkShape(name="end", link=7, shape=Sphere(radius=0.03))
+    arm = UR5E.with_rail(rail).with_shapes(ArmShapes(shapes=(end,)))
+    first = np.append(-2.0, A)
+    last = np.append(2.0, A)
+    x, _, z = tip(first, arm)
+    margin = 0.01
+    place = Frame(position=[x, 0, z - 0.03 - 0.05 - margin - more])
+    table = Obstacle(name="table", shape=cell.Box(size=[2, 8, 0.1]), place=place)
+    scene = Scene(obstacles=(table,), margins=Margins(environment=margin))
+    clearance = check_clearance(sweep_of(first, last, 4.0), arm, scene)
+    (pair,) = clearance.pairs
+    assert not clearance.satisfied
+    assert pair.first_time == 0.0
+    assert pair.high == pytest.approx(margin + more, abs=1e-10)
+    assert clearance.evaluations < 10_000
+    assert not Cell(arm, scene).keeps(sweep_of(first, last, 4.0))
+
+
 def test_a_thin_plate_between_two_samples_is_found():
     # The ball crosses a plate of 1 mm within less than 4 ms.
     motion = sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 0.05)

@@ -347,9 +347,10 @@ def _trace_head(
 
     def attempt(share: float) -> JointPath:
         """Trace with a share of the tolerance at the stations."""
-        guide, q = guide_head(
-            moving, head, s[stations], poses[stations], path.stops, share * cone, seed
-        )
+        with numbered_as(arm):
+            guide, q = guide_head(
+                path, moving, head, s[stations], poses[stations], share * cone, seed
+            )
         between = np.stack([np.interp(s, s[stations], x) for x in q.T], axis=1)
         return refine(path, knots, between, POSITION_TASK, guide)
 

@@ -6,7 +6,7 @@ Their tool follows the position of the path, and the rotation about this directi
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, NoReturn
 
 import numpy as np
@@ -15,8 +15,10 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.fields import declared
 from armcontour.core.quantities import LARGEST_CONE, Axes, Quantity
+from armcontour.core.text import capitalise
 from armcontour.geometry import Orientation, Path
 from armcontour.robot import SerialArm
+from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE, ToolTurning
 
 # Fractions of a piece of an orientation at which it is compared with the tool's rotations
@@ -101,6 +103,43 @@ def task_of_parallel_joints(path: Path, arm: SerialArm, turning: ToolTurning) ->
     return 3
 
 
+def check_held(path: Path, arm: SerialArm, moving: SerialArm) -> None:
+    """Raise Unreachable if only held joints keep the tool from the orientations of a path.
+
+    Args:
+        path: The path.
+        arm: The arm with its held joints.
+        moving: The arm without them.
+    """
+    orientation = path.orientation
+    turning = moving.tool_turning
+    if orientation is None or turning is None or not arm.chain.held:
+        return
+    held = tuple(sorted(arm.chain.held))
+    alone = [k for k in held if _can_turn(path, arm, (k,))]
+    if not alone and not _can_turn(path, arm, held):
+        return
+    released = alone or list(held)
+    names = [arm.joint_names[k] for k in released]
+    words = f"do not hold {(' or ' if alone else ' and ').join(names)}"
+    cause = _Held(arm=arm, joint=released[0], remedy=words)
+    _check_reached(path, moving, orientation, turning, cause)
+
+
+def _can_turn(path: Path, arm: SerialArm, released: tuple[int, ...]) -> bool:
+    """Return whether the tool has the orientations of a path if some held joints are released."""
+    freed = arm.without_held(released)
+    turning = freed.tool_turning
+    assert path.orientation is not None
+    task = 5 if path.orientation.axis_only else 6
+    if turning is not None:
+        try:
+            task = task_of_parallel_joints(path, freed, turning)
+        except Unreachable:
+            return False
+    return task <= freed.dof
+
+
 def turn_as_tool(path: Path, arm: SerialArm) -> Path:
     """Return the path with the nearest orientation that the tool can have.
 
@@ -146,8 +185,21 @@ def _samples(orientation: Orientation) -> tuple[FloatArray, FloatArray]:
     return orientation.breaks[pieces] + along, orientation.on_piece(pieces, along)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Held:
+    """Held joints without which the tool has the orientations of a path."""
+
+    arm: SerialArm  # The arm with its held joints
+    joint: int  # Index of the first of these joints
+    remedy: str  # Which joints must be released, as a clause
+
+
 def _check_reached(
-    path: Path, arm: SerialArm, orientation: Orientation, turning: ToolTurning
+    path: Path,
+    arm: SerialArm,
+    orientation: Orientation,
+    turning: ToolTurning,
+    held: _Held | None = None,
 ) -> None:
     """Raise Unreachable where the path requires an orientation that the tool cannot have."""
     s, rotations = _samples(orientation)
@@ -159,14 +211,20 @@ def _check_reached(
     axis_missed = turning.missed(rotations[k : k + 1], axis_only=True)[0]
     only_rotation = axis_missed <= REACHED_ANGLE
     if not turning.turns:
-        joints = f"The joints of the arm {arm.name} do not turn its tool"
+        joints = f"the joints of the arm {arm.name} do not turn its tool"
     else:
         joints = (
-            f"The tool of the arm {arm.name} turns only about {_direction(turning.axis)}, the "
-            "direction of its revolute joints"
+            f"the tool of the arm {arm.name} turns only about {_direction(turning.axis)}, the "
+            f"direction of its {'' if held is None else 'other '}revolute joints"
         )
+    if held is not None:
+        joints = f"while preferences hold {list_held(held.arm.chain)}, {joints}"
+    joints = capitalise(joints)
     if only_rotation:
-        _refuse(path, float(s[k]), float(missed[k]), f"{joints}", "leave it free with axis_only")
+        remedy = "leave it free with axis_only"
+        if held is not None:
+            remedy = f"{held.remedy}, or {remedy}"
+        _refuse(path, float(s[k]), float(missed[k]), joints, remedy, held)
     nearest = turning.nearest(rotations[k : k + 1], axis_only=True)[0, :, 2]
     if turning.turns and not turning.keeps_axis:
         tool = float(np.degrees(np.arccos(np.clip(turning.axis @ nearest, -1.0, 1.0))))
@@ -177,15 +235,12 @@ def _check_reached(
     cone = ""
     if orientation.axis_only and axis_missed < LARGEST_CONE:
         cone = f", allow a cone of {np.ceil(100 * np.degrees(axis_missed)) / 100:g} deg"
-    _refuse(
-        path,
-        float(s[k]),
-        float(axis_missed),
-        joints,
-        f"specify the tool axis {_direction(nearest)}{cone}, turn the part or the tool, or use an "
-        "arm with more joints",
-        required,
-    )
+    remedy = f"specify the tool axis {_direction(nearest)}{cone}, "
+    if held is None:
+        remedy += "turn the part or the tool, or use an arm with more joints"
+    else:
+        remedy = f"{held.remedy}, {remedy}or turn the part or the tool"
+    _refuse(path, float(s[k]), float(axis_missed), joints, remedy, held, required)
 
 
 def _refuse(
@@ -194,6 +249,7 @@ def _refuse(
     angle: float,
     joints: str,
     remedy: str,
+    held: _Held | None,
     required: FloatArray | None = None,
 ) -> NoReturn:
     """Raise Unreachable for an orientation that the tool misses by an angle [rad].
@@ -201,6 +257,7 @@ def _refuse(
     - `s`: arc length at which the tool misses the orientation [m].
     - `joints`: how the joints turn the tool.
     - `remedy`: what can be done, as a clause.
+    - `held`: held joints that are the cause, if any.
     - `required`: the tool axis that the path requires, (3,); None if only the rotation about it is
       missed.
     """
@@ -210,9 +267,10 @@ def _refuse(
         what = f"the path requires the tool axis {_direction(required)}"
     raise Unreachable(
         f"{joints}, but at {s:.6g} m along the path {what}, {np.degrees(angle):.4g} deg away. "
-        f"{remedy[0].upper()}{remedy[1:]}.",
+        f"{capitalise(remedy)}.",
         s=s,
         point=path(s).tolist(),
+        joint=None if held is None else held.joint,
         limit="orientation",
         needed=angle,
         allowed=REACHED_ANGLE,

@@ -256,14 +256,24 @@ def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unr
             return singular(path, arm, findings.singularity, suggest_remedy(path))
         return singular(path, arm, findings.singularity, _remedies(arm, findings.relaxations))
     if findings.relaxations and findings.relaxations[0].kind != "rotation":
-        return _refusal(path, arm, findings.relaxations, _remedies(arm, findings.relaxations))
+        return needs_one(path, arm, findings.relaxations)
     if is_far or findings.is_feasible or not findings.strained:
         return error
+    return needs_all(path, arm, findings.strained)
+
+
+def needs_one(path: Path, arm: SerialArm, relaxations: Sequence[Relaxation]) -> Unreachable:
+    """Make the error for a path that any one of the relaxations makes feasible."""
+    return _refusal(path, arm, relaxations, _remedies(arm, relaxations))
+
+
+def needs_all(path: Path, arm: SerialArm, strained: Sequence[Relaxation]) -> Unreachable:
+    """Make the error for a path that needs all of several relaxations."""
     remedy = "Move the path or the arm"
-    if len(findings.strained) > 1:
-        also = _excesses(arm, findings.strained[1 : MOST_REMEDIES + 1])
+    if len(strained) > 1:
+        also = _excesses(arm, strained[1 : MOST_REMEDIES + 1])
         remedy = f"Others exceed their limits as well: {also}. {remedy}"
-    return _refusal(path, arm, findings.strained, remedy)
+    return _refusal(path, arm, strained, remedy)
 
 
 def _remedies(arm: SerialArm, relaxations: Sequence[Relaxation]) -> str:

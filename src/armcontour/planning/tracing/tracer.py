@@ -42,7 +42,7 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
     without_held,
 )
-from armcontour.planning.tracing.parallel_joints import turn_as_tool
+from armcontour.planning.tracing.parallel_joints import check_held, turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
@@ -489,6 +489,7 @@ def sketch_all(
 
 def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
     """Return the task dimension of a path for an arm without its held joints, `moving`."""
+    check_held(path, arm, moving)
     try:
         return task_dimension(path, moving)
     except InvalidInput as error:

@@ -18,6 +18,7 @@ then gets the least rates and bends inside these intervals.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +27,11 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import Unreachable
 from armcontour.core.frames import exp
 from armcontour.core.quintics import solve_banded
+from armcontour.core.render import number
 from armcontour.geometry import Path
+from armcontour.planning.tracing.causes import Relaxation
 from armcontour.planning.tracing.guide import Guide
+from armcontour.planning.tracing.refusals import needs_all, needs_one
 from armcontour.robot import SerialArm
 
 # Angle by which the tool axis of such a machine may deviate from the required one where the path
@@ -63,6 +67,10 @@ BEND_WEIGHT = 0.02
 # Weight of the distance from the angles of the dynamic programming, which decides where nothing
 # else does.
 ANCHOR_WEIGHT = 1e-6
+# Weight of the squared angle beyond a range [1/rad²], while the cause of a refusal is sought
+EXCESS_WEIGHT = 1e3
+# Decimals of the angles in the message of a refusal [rad]
+SHOWN_DECIMALS = 12
 # Weight of an angle that is given
 FIXED_WEIGHT = 1e9
 # Largest number of iterations of the interior-point method, its last complementarity, and the
@@ -108,6 +116,20 @@ class Head:
             exact=np.arccos(np.clip(exact, -1.0, 1.0)),
             reached=(high >= -1.0) & (low <= 1.0),
         )
+
+    def missed(self, axis: FloatArray) -> FloatArray:
+        """Return the angles between required and nearest possible tool axes [rad], (n,).
+
+        - `axis`: required tool axes, (n, 3).
+        """
+        along = (axis @ self.pole) * (self.second_axis @ self.pole)
+        across = axis - (axis @ self.pole)[:, None] * self.pole
+        second_across = self.second_axis - (self.second_axis @ self.pole) * self.pole
+        radius = np.linalg.norm(across, axis=1) * np.linalg.norm(second_across)
+        angle = np.arcsin(np.clip(self.tool @ self.second_axis, -1.0, 1.0))
+        low = np.arcsin(np.clip(along - radius, -1.0, 1.0))
+        high = np.arcsin(np.clip(along + radius, -1.0, 1.0))
+        return np.asarray(np.maximum(np.maximum(angle - high, low - angle), 0.0))
 
     def rows(self, count: int) -> FloatArray:
         """Return the rows of a guide that fix both rotary axes at stations, (count, 2, 5)."""
@@ -229,11 +251,11 @@ def stations_of(s: FloatArray, axis: FloatArray, stops: FloatArray) -> IntArray:
 
 
 def guide_head(
+    path: Path,
     arm: SerialArm,
     head: Head,
     s: FloatArray,
     poses: FloatArray,
-    stops: FloatArray,
     tolerance: float,
     seed: FloatArray | None,
 ) -> tuple[Guide, FloatArray]:
@@ -241,9 +263,8 @@ def guide_head(
 
     Returns the guide with both rotary axes, and the joint positions at the stations, (n, 5).
 
-    - `s`: arc lengths of the stations [m], (n,).
+    - `s`: arc lengths of the stations [m], (n,), which contain the stops.
     - `poses`: tool poses at the stations, (n, 3, 4).
-    - `stops`: arc lengths in `s` at which the tool stops [m].
     - `tolerance`: largest angle of the tool axis from the required one [rad].
     - `seed`: joint positions at the start, (5,); None if they are free.
 
@@ -254,6 +275,8 @@ def guide_head(
     start = None if seed is None else float(seed[head.first])
     search = _Search(arm, head, s, axis, USED_TOLERANCE * tolerance)
     rough = search.run(start)
+    if rough is None:
+        raise _refusal(path, arm, search, start)
     lower, upper = search.intervals(rough)
     fixed = np.zeros(len(s), dtype=np.bool_)
     for k in (0, -1):
@@ -268,7 +291,7 @@ def guide_head(
     second = search.turn_into_range(head.second_angles(axis, first))
     rows = head.rows(len(s))
     q = _slide(arm, head, poses, first, np.unwrap(second))
-    return Guide.through(s, q, rows, stops), q
+    return Guide.through(s, q, rows, path.stops), q
 
 
 class _Search:
@@ -286,6 +309,8 @@ class _Search:
         joints = [head.first, head.second]
         self.first_range = np.clip([lower[head.first], upper[head.first]], -ENDLESS, ENDLESS)
         self.second_range = np.array([lower[head.second], upper[head.second]])
+        # Ranges outside of which positions are expensive
+        self.preferred = (self.first_range, self.second_range)
         self.pace = np.ones(2)
         if arm.limits.joint_velocity is not None:
             slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))[joints]
@@ -294,20 +319,31 @@ class _Search:
             self.pace = slowest.min() / slowest
         self.allowed = head.first_angles(axis, tolerance)
 
-    def run(self, start: float | None) -> FloatArray:
+    def without_ranges(self, joints: tuple[int, ...]) -> _Search:
+        """Return the search in which some axes may leave their ranges, but do so little."""
+        released = copy(self)
+        if self.head.first in joints:
+            released.first_range = np.array([-ENDLESS, ENDLESS])
+        if self.head.second in joints:
+            released.second_range = self._middle_of_second() + np.array([-np.pi, np.pi])
+        return released
+
+    def run(self, start: float | None) -> FloatArray | None:
         """Return the angles of the first axis with the least motion of both axes [rad], (n,).
+
+        Returns None if no angles of both axes inside of their ranges give the tool its directions.
 
         - `start`: angle at the first station [rad]; None if it is free.
         """
         candidates = [self._candidates(i) for i in range(len(self.s))]
-        for i, (first, _) in enumerate(candidates):
-            if not len(first):
-                self._refuse(i)
+        if not all(len(first) for first, _ in candidates):
+            return None
         first, second = candidates[0]
         # The nearest angle to the given start, or to zero, decides between equal costs.
         cost = ANCHOR_WEIGHT * np.abs(first - (start or 0.0))
         if start is not None:
             cost = np.square((first - start) * self.pace[0]) / STATION_GAP
+        cost = cost + self._excess_cost(first, second)
         before: list[IntArray] = []
         widths = np.diff(self.s) / self.s[-1]
         for i, width in enumerate(widths, start=1):
@@ -319,7 +355,8 @@ class _Search:
             best = np.argmin(total, axis=1)
             cost = total[np.arange(len(best)), best]
             if not np.isfinite(cost).any():
-                self._refuse(i)
+                return None
+            cost += self._excess_cost(next_first, next_second)
             before.append(best)
             first, second = next_first, next_second
         k = int(np.argmin(cost))
@@ -329,6 +366,13 @@ class _Search:
             if i:
                 k = int(before[i - 1][k])
         return chosen
+
+    def _excess_cost(self, first: FloatArray, second: FloatArray) -> FloatArray:
+        """Return the cost of angles outside of the preferred ranges, (k,)."""
+        cost = np.zeros(len(first))
+        for angles, (lower, upper) in zip((first, second), self.preferred, strict=True):
+            cost += EXCESS_WEIGHT * np.square(angles - np.clip(angles, lower, upper))
+        return cost
 
     def _candidates(self, i: int) -> tuple[FloatArray, FloatArray]:
         """Return allowed angles of both axes at station i [rad], (k,) each."""
@@ -351,8 +395,12 @@ class _Search:
 
     def turn_into_range(self, second: FloatArray) -> FloatArray:
         """Shift angles of the second axis by whole turns to the middle of its range [rad]."""
-        middle = float(np.mean(self.second_range)) if np.isfinite(self.second_range).all() else 0.0
+        middle = self._middle_of_second()
         return second - 2 * np.pi * np.rint((second - middle) / (2 * np.pi))
+
+    def _middle_of_second(self) -> float:
+        """Return the middle of the second axis's range, 0 for an endless one [rad]."""
+        return float(np.mean(self.second_range)) if np.isfinite(self.second_range).all() else 0.0
 
     def intervals(self, first: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the ends of the intervals of allowed angles around angles, [rad], (n,) each."""
@@ -361,15 +409,63 @@ class _Search:
             ends[:, 1], self.first_range[1]
         )
 
-    def _refuse(self, i: int) -> None:
-        """Raise Unreachable at station i, at which the head has no angles."""
-        low, high = np.degrees(self.second_range)
-        raise Unreachable(
-            f"At {self.s[i]:.6g} m along the path the two rotary axes cannot turn the tool into "
-            f"the required direction {tuple(np.round(self.axis[i], 6).tolist())} within their "
-            f"ranges (the second one from {low:.4g} to {high:.4g} deg). Move the path or the arm.",
-            s=float(self.s[i]),
+
+def _refusal(path: Path, arm: SerialArm, search: _Search, start: float | None) -> Unreachable:
+    """Make the error for directions that both rotary axes do not reach in their ranges."""
+    head = search.head
+    alone = [y for x in (head.first, head.second) for y in _excesses(search, (x,), start)]
+    if alone:
+        return needs_one(path, arm, sorted(alone, key=lambda x: x.size))
+    both = _excesses(search, (head.first, head.second), start)
+    if both:
+        return needs_all(path, arm, sorted(both, key=lambda x: -x.size))
+    missed = head.missed(search.axis)
+    i = int(np.argmax(missed))
+    direction = tuple(np.round(search.axis[i], 6).tolist())
+    return Unreachable(
+        f"At {search.s[i]:.6g} m along the path the two rotary axes {arm.joint_names[head.first]} "
+        f"and {arm.joint_names[head.second]} cannot turn the tool into the required direction "
+        f"{direction}, but only to {number(float(missed[i]), 'rad')} from it. Turn the part or "
+        "the tool.",
+        s=float(search.s[i]),
+        point=path(float(search.s[i])).tolist(),
+        limit="orientation",
+        needed=float(missed[i]),
+        allowed=search.tolerance,
+    )
+
+
+def _excesses(search: _Search, released: tuple[int, ...], start: float | None) -> list[Relaxation]:
+    """Return by how much axes leave their ranges if they may; empty if this is not enough."""
+    head = search.head
+    free = search.without_ranges(released)
+    first = free.run(start)
+    if first is None:
+        return []
+    second = free.turn_into_range(head.second_angles(free.axis, first))
+    found = []
+    # A position such as 1e-16 rad would be written with many digits.
+    axes = ((head.first, first), (head.second, np.round(np.unwrap(second), SHOWN_DECIMALS)))
+    for (joint, angles), (lower, upper) in zip(axes, search.preferred, strict=True):
+        beyond = np.maximum(angles - upper, lower - angles)
+        row = int(np.argmax(beyond))
+        if beyond[row] <= 0.0:
+            continue
+        found.append(
+            Relaxation(
+                kind="range",
+                joint=joint,
+                s=float(free.s[row]),
+                s_first=float(free.s[np.argmax(beyond > 0.0)]),
+                least=float(angles.min()),
+                most=float(angles.max()),
+                lower=float(lower),
+                upper=float(upper),
+                needed=float(angles[row]),
+                allowed=float(upper if angles[row] > upper else lower),
+            )
         )
+    return found
 
 
 def bend_least(

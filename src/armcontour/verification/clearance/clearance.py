@@ -545,8 +545,9 @@ class _ClearanceSearch:
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
         margin = self._margins[pair]
-        high = self._high[pair]
-        unproven = (low < margin) & (high >= margin)
+        # A pair whose margin is not proven at one time is decided.
+        provable = self._high[pair] - UNCERTAINTY - self._blur[pair] >= margin
+        unproven = (low < margin) & provable
         coarse = low < smallest[self._kinds[pair]] - self._resolution
         return np.asarray(
             (unproven & (width > MARGIN_TOLERANCE)) | (coarse & (width > self._resolution))
@@ -562,8 +563,10 @@ class _ClearanceSearch:
         # Of several values for a pair, the last one is stored, which is the smallest.
         self._high[pair[better]] = distances[better]
         self._at[pair[better]] = t[better]
-        self._record_violation(t, distances < self._margins[pair])
-        return np.asarray(distances - UNCERTAINTY - self._blur[pair])
+        bounds = distances - UNCERTAINTY - self._blur[pair]
+        # No smaller windows prove a margin that is not proven at a time.
+        self._record_violation(t, bounds < self._margins[pair])
+        return np.asarray(bounds)
 
     def _violation_time(self, k: int) -> float | None:
         """Return the first time at which pair k may violate its margin [s]; None if never."""
