@@ -40,6 +40,7 @@ from armcontour.robot.inverse_kinematics import (
     WHOLE,
 )
 
+WHOLE_TURN = 2 * np.pi
 # Excess over a range that counts as none [rad or m].
 NO_EXCESS = 1e-6
 # Angle by which the tilt may be exceeded between the poses that are looked at [rad].
@@ -334,7 +335,8 @@ class _Study:
         - `index`: its index in the arm with all joints.
         """
         ends = np.array([position])
-        s, q = self._between(self._tighten(self.q[:1], [joint], ends, ends)[0])
+        nearest = self._turned_near(self.q[:1], joint, position)
+        s, q = self._between(self._tighten(nearest, [joint], ends, ends)[0])
         row = int(np.argmax(np.abs(q[:, joint] - position)))
         away = np.abs(q[:, joint] - position) > NO_EXCESS
         return Relaxation(
@@ -347,6 +349,23 @@ class _Study:
             needed=float(q[row, joint]),
             allowed=position,
         )
+
+    def _turned_near(self, q: FloatArray, joint: int, position: float) -> FloatArray:
+        """Shift a joint by the whole turns that bring it nearest to a position within its range.
+
+        - `q`: a joint path [rad], (1, n, dof).
+        """
+        if self.poses.arm.chain.slides[joint]:
+            return q
+        lower, upper = self._range(joint)
+        least, most = self._travel(q[0], joint)
+        first = np.ceil((lower - least - NO_EXCESS) / WHOLE_TURN)
+        last = np.floor((upper - most + NO_EXCESS) / WHOLE_TURN)
+        turned = q.copy()
+        if first <= last:
+            wanted = np.rint((position - (least + most) / 2) / WHOLE_TURN)
+            turned[..., joint] += WHOLE_TURN * np.clip(wanted, first, last)
+        return turned
 
     def _tighten(
         self, q: FloatArray, joints: list[int], low: FloatArray, high: FloatArray

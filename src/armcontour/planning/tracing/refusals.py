@@ -24,6 +24,7 @@ from armcontour.planning.tracing.causes import (
 )
 from armcontour.planning.tracing.joint_ranges import called, out_of_range
 from armcontour.planning.tracing.knots import OUT_OF_REACH, Knots, poses_at, suggest_remedy
+from armcontour.planning.tracing.positioner_tilt import tilt_of
 from armcontour.planning.tracing.strained_postures import targets_at
 from armcontour.robot import SerialArm
 from armcontour.robot.arm import unit_hint
@@ -47,6 +48,10 @@ MISSED_ANGLE = 1e-6
 # degrees or centimetres.
 ROOM = 0.05
 ROOM_STEPS = 1.0
+# The same room as a fraction of the recommended range, if the tilt of a positioner is limited.
+# Tracing keeps joints away from the ends of their ranges (`INNER_RANGE`), and would exceed the tilt
+# instead.
+TILT_ROOM = 0.04
 # Largest number of remedies in a message.
 MOST_REMEDIES = 3
 
@@ -361,15 +366,22 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
-    ends = [_above(least - cause.lower, cause.lower, unit)] if least < cause.lower else []
-    ends += [_above(most - cause.upper, cause.upper, unit)] if most > cause.upper else []
+    room = 0.0 if tilt_of(arm.chain) is None else TILT_ROOM * (most - least)
+    ends = []
+    if least < cause.lower:
+        ends.append(_above(least - cause.lower, cause.lower, unit, room))
+    if most > cause.upper:
+        ends.append(_above(most - cause.upper, cause.upper, unit, room))
     return f"let {name} move to {' and to '.join(ends)}"
 
 
-def _above(excess: float, end: float, unit: str) -> str:
-    """Write the end of a range [rad] that allows an excess with some room, in whole units."""
+def _above(excess: float, end: float, unit: str, room: float = 0.0) -> str:
+    """Write the end of a range [rad] that allows an excess with some room, in whole units.
+
+    - `room`: least room [rad].
+    """
     step, scale, shown = (np.pi / 180, 180 / np.pi, "deg") if unit == "rad" else (0.01, 1e3, "mm")
-    room = ROOM * abs(excess) + ROOM_STEPS * step
+    room = max(room, ROOM * abs(excess) + ROOM_STEPS * step)
     value = end + np.copysign(abs(excess) + room, excess)
     rounded = np.copysign(np.ceil(abs(value) / step), value)
     if value * excess < 0:
