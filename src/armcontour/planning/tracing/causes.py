@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import spread_indices
 from armcontour.geometry import Path
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity, chord_of, tilt_of
@@ -113,6 +113,14 @@ class Singularity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Postures:
+    """Joint paths inside of all ranges."""
+
+    s: FloatArray  # Arc lengths of the poses [m], (n,)
+    q: FloatArray  # Positions of the joints that are not held [rad], (paths, n, joints)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """Result of a search for causes."""
 
@@ -121,7 +129,7 @@ class Findings:
     # Ranges or tilt that are exceeded in the best postures; if no relaxation suffices, the largest
     # excess comes first.
     strained: tuple[Relaxation, ...]
-    is_feasible: bool  # True if postures were found that exceed nothing
+    feasible: Postures | None = None  # Postures that exceed nothing, if any were found
 
 
 def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
@@ -134,7 +142,8 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
     moving = np.setdiff1d(np.arange(arm.dof), held)
     study = _Study.of(path, arm.without_held(), task)
     if study.is_feasible:
-        return Findings(singularity=None, relaxations=(), strained=(), is_feasible=True)
+        feasible = Postures(s=study.poses.s, q=study.q[study.fits])
+        return Findings(singularity=None, relaxations=(), strained=(), feasible=feasible)
     found = [replace(x, joint=_index(moving, x.joint)) for x in study.relax()]
     strained = [replace(x, joint=_index(moving, x.joint)) for x in study.strained()]
     found.sort(key=lambda x: x.size)
@@ -150,7 +159,6 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
         singularity=singular,
         relaxations=tuple(found),
         strained=tuple(strained),
-        is_feasible=False,
     )
 
 
@@ -219,8 +227,13 @@ class _Study:
     @property
     def is_feasible(self) -> bool:
         """True if a joint path is inside of all ranges."""
+        return bool(self.fits.any())
+
+    @property
+    def fits(self) -> BoolArray:
+        """Mask of the joint paths that are inside of all ranges, (paths,)."""
         ranges = Ranges.of(self.poses.arm, len(self.q))
-        return bool((_excess(self.poses, ranges, self.q) <= NO_EXCESS).all(axis=1).any())
+        return np.asarray((_excess(self.poses, ranges, self.q) <= NO_EXCESS).all(axis=1))
 
     def singularity(self, path: Path) -> Singularity | None:
         """Return the farthest singularity at which a posture inside of all ranges ends, or None."""

@@ -17,9 +17,9 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.planning.tracing.causes import (
     SINGULAR,
+    Findings,
     Relaxation,
     Singularity,
-    find_causes,
     smallest_singular_value,
 )
 from armcontour.planning.tracing.joint_ranges import called, out_of_range
@@ -245,24 +245,29 @@ def numbered_as(arm: SerialArm) -> Iterator[None]:
         raise numbered from None
 
 
-def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
-    """Return the error with the true cause, if one is found, by which a path is refused.
+def has_other_cause(error: Unreachable, arm: SerialArm) -> bool:
+    """Test whether a range, a held axis, the tilt or a singularity may be the cause of an error."""
+    # The search for a pose out of reach ignores ranges.
+    return bool(arm.chain.held) or not _is_far(error)
+
+
+def _is_far(error: Unreachable) -> bool:
+    """Test whether an error states that a position is out of reach."""
+    return error.limit == "reach" and (error.needed or 0.0) > OUT_OF_REACH
+
+
+def name_cause(error: Unreachable, findings: Findings, path: Path, arm: SerialArm) -> Unreachable:
+    """Return the error with the true cause, if one was found, by which a path is refused.
 
     - `arm`: the arm with its held joints.
-    - `task`: task dimension, see `task_dimension`.
     """
-    is_far = error.limit == "reach" and (error.needed or 0.0) > OUT_OF_REACH
-    if is_far and not arm.chain.held:
-        # No range and no held axis is the cause, because the search for the pose ignores ranges.
-        return error
-    findings = find_causes(path, arm, task)
     if findings.singularity is not None:
         if not findings.relaxations:
             return singular(path, arm, findings.singularity, suggest_remedy(path))
         return singular(path, arm, findings.singularity, _remedies(arm, findings.relaxations))
     if findings.relaxations and findings.relaxations[0].kind != "rotation":
         return _refusal(path, arm, findings.relaxations, _remedies(arm, findings.relaxations))
-    if is_far or findings.is_feasible or not findings.strained:
+    if _is_far(error) or not findings.strained:
         return error
     remedy = "Move the path or the arm"
     if len(findings.strained) > 1:
