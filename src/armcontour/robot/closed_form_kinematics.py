@@ -16,6 +16,8 @@ AXIS_TOLERANCE = 1e-9
 # The closed form returns no result for poses closer than this to the limit of the reach [m] or to a
 # singular posture [1]; the search determines their solutions.
 NEAR_SINGULARITY = 1e-6
+# Number of joint positions for a tool pose, of which some may not exist.
+BRANCHES = 8
 
 
 # Either axis 4 is parallel to axes 2 and 3, and axes 5 and 6 intersect, as in the arms of Universal
@@ -175,7 +177,7 @@ class ClosedForm:
             q, exists, _ = self._bridge(reach)
         exists &= (reach.lacking <= 0).reshape(-1, *(1,) * (exists.ndim - 1))
         q[~exists] = np.nan
-        return q.reshape(len(poses), -1, 6)
+        return q.reshape(len(poses), BRANCHES, 6)
 
     def _bridge(self, reach: Reach) -> tuple[FloatArray, BoolArray, BoolArray]:
         """Solve for the joints of n poses by the geometry that the links must bridge.

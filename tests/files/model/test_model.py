@@ -372,3 +372,13 @@ def test_files_are_named_by_path(steps):
     assert ac.read_model(str(steps / "block.step")).source == "block.step"
     assert Path(steps / "block.step").exists()
     assert step_parts.BRANCH < step_parts.MAIN
+
+
+def test_edges_are_rules(refuses):
+    rule = EdgeRule(kind="circle")
+    assert ac.ReadOptions(edges=rule).rules == (rule,)
+    # An iterator is read once.
+    assert ac.ReadOptions(edges=iter([rule, rule])).rules == (rule, rule)
+    for wrong in (-1, "circle", {"kind": "circle"}, [{"kind": "circle"}], [rule, None]):
+        refuses(lambda x=wrong: ac.ReadOptions(edges=x), ac.InvalidInput, "edges")
+    refuses(lambda: ac.ReadOptions(edges=[]), ac.InvalidInput, "at least one rule")

@@ -1,8 +1,9 @@
 """Jobs that an arm can do, made impossible by one narrow range or one held axis, by seed."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -83,8 +84,8 @@ def urdf_arm(kind):
     return ac.load_arm(str(file), ac.ArmOptions(**options), tool=TOOL)
 
 
-def make_arm(kind, seed):
-    """Return the arm of a job."""
+def make_arm(kind, seed, tilt=None):
+    """Return the arm of a job, with another tilt [rad] of its positioner if one is given."""
     if kind in ("gantry", "cell"):
         return urdf_arm(kind)
     if kind in ("orientation", "axis") and seed % 2:
@@ -101,7 +102,8 @@ def make_arm(kind, seed):
                 ac.PositionerAxis(name=name, axis=axis, origin=(0.9, 0, z), lower=-end, upper=end,
                                   velocity=1.0, acceleration=1.8)
             )  # fmt: skip
-        tilt = np.radians((10, 20, 40)[seed % 3]) if seed % 4 else None
+        if tilt is None and seed % 4:
+            tilt = np.radians((10, 20, 40)[seed % 3])
         return arm.with_positioner(ac.Positioner(axes=tuple(axes), tilt=tilt))
     return arm
 
@@ -157,6 +159,7 @@ class Refused:
     joint: int
     name: str
     change: str
+    apply: Callable[[SerialArm], SerialArm]  # Applies the change to another arm
     error: ac.Unreachable
 
     @property
@@ -169,19 +172,29 @@ class Refused:
         """True if the message names the changed joint somewhere."""
         return f"({self.name})" in str(self.error)
 
-    def is_remedied(self):
-        """Test whether the path is traced with the first remedy of the message."""
+    def remedies(self):
+        """Return the remedies of the message, each with an arm to which it is applied."""
         text = str(self.error)
-        if self.error.limit == "hold":
-            return reason(self.path, make_arm(self.kind, self.seed)) is None
-        told = re.search(rf"[Ll]et joint {self.joint + 1} \(.*?\) move to (.*?), or", text)
-        values = []
-        for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", told[1]):
-            values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
-        lower, upper = (x[self.joint] for x in self.arm.limits.joint_range(self.arm.dof))
-        own = make_arm(self.kind, self.seed)
-        wider = narrow(own, self.joint, min(lower, *values), max(upper, *values))
-        return reason(self.path, wider) is None
+        arms = {}
+        for told in re.findall(r"[Dd]o not hold .*?(?=, or)", text):
+            arms[told] = make_arm(self.kind, self.seed)
+        for told, number, ends in re.findall(
+            r"([Ll]et joint (\d+) \(.*?\) move to (.*?)), or", text
+        ):
+            joint = int(number) - 1
+            values = []
+            for value, unit in re.findall(r"(-?[\d.e-]+) (deg|mm)", ends):
+                values.append(float(value) * (np.pi / 180 if unit == "deg" else 1e-3))
+            lower, upper = (x[joint] for x in self.arm.limits.joint_range(self.arm.dof))
+            own = make_arm(self.kind, self.seed) if joint == self.joint else self.arm
+            arms[told] = narrow(own, joint, min(lower, *values), max(upper, *values))
+        for told, angle in re.findall(r"([Ss]pecify a tilt of at least ([\d.]+) deg)", text):
+            arms[told] = self.apply(make_arm(self.kind, self.seed, np.radians(float(angle))))
+        return arms
+
+    def wrong_remedies(self):
+        """Return the remedies of the message with which the path is still refused."""
+        return [told for told, arm in self.remedies().items() if reason(self.path, arm)]
 
 
 def narrow(arm, joint, lower, upper):
@@ -190,6 +203,11 @@ def narrow(arm, joint, lower, upper):
     low[joint] = lower
     high[joint] = upper
     return arm.with_limits(arm.limits.replace(joint_lower=low, joint_upper=high))
+
+
+def prefer(arm, name, preference):
+    """Return the arm with a preference for one joint."""
+    return arm.with_preferences({name: preference})
 
 
 def refused_job(kind, seed):
@@ -213,7 +231,7 @@ def refused_job(kind, seed):
         high = min(high, 2 * np.pi)
         if name in external and rng.random() < 0.5:
             position = float(rng.uniform(low, high))
-            changed = arm.with_preferences({name: JointPreference(hold=position)})
+            apply = partial(prefer, name=name, preference=JointPreference(hold=position))
             change = f"hold {position:.3f}"
         else:
             least = q[:, joint].min()
@@ -231,13 +249,14 @@ def refused_job(kind, seed):
             ends = tuple(map(float, ends))
             change = f"range {ends[0]:.3f} to {ends[1]:.3f}"
             if rng.random() < 0.5:
-                changed = narrow(arm, joint, *ends)
+                apply = partial(narrow, joint=joint, lower=ends[0], upper=ends[1])
             else:
-                changed = arm.with_preferences({name: JointPreference(range=ends)})
+                apply = partial(prefer, name=name, preference=JointPreference(range=ends))
                 change = f"preferred {change}"
+        changed = apply(arm)
         error = reason(path, changed)
         if error is not None:
-            return Refused(kind, seed, path, changed, joint, name, change, error)
+            return Refused(kind, seed, path, changed, joint, name, change, apply, error)
     return None
 
 

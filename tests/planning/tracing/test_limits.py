@@ -95,8 +95,8 @@ def test_a_joint_beyond_its_range_between_samples_is_refused(refuses):
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
     lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
     for height, words, data in (
-        (0.5 + 1e-6, "1e-06 rad beyond its upper limit of 0.5 rad", upper),
-        (-0.3, "beyond its lower limit of -0.1 rad", lower),
+        (0.5 + 1e-6, "0.000057 deg beyond its upper limit of 28.6 deg", upper),
+        (-0.3, "beyond its lower limit of -5.73 deg", lower),
     ):
         path_of_bump = bump(height)
         refuses(

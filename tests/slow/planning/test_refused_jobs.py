@@ -39,7 +39,7 @@ def test_singularities_are_named():
 
 
 def print_table():
-    """Print what the refusals name, whether their remedy works, and their time."""
+    """Print what the refusals name, whether their remedies work, and their time."""
     for kind in KINDS:
         named = works = 0
         for job in some(lambda seed, kind=kind: refused_job(kind, seed), JOBS):
@@ -50,12 +50,12 @@ def print_table():
             if job.is_named:
                 named += 1
                 mark = "named"
-                if job.is_remedied():
+                if job.remedies() and not job.wrong_remedies():
                     works += 1
-                    mark = "named, remedy works"
-            print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:34} {mark:20} {seconds:.2f} s")
+                    mark = "named, remedies work"
+            print(f"{kind:12} {job.seed:4} {job.name:20} {job.change:34} {mark:21} {seconds:.2f} s")
             print(f"    {job.error}")
-        print(f"{kind}: {named} of {JOBS} named; {works} remedies work")
+        print(f"{kind}: {named} of {JOBS} named; of {works} the remedies work")
     singular = [job[2].limit for job in some(singular_job, SINGULAR)]
     print(f"singularities: {singular.count('singularity')} of {SINGULAR} named")
 

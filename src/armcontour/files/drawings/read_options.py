@@ -117,6 +117,10 @@ class ReadOptions(Checked):
     unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 
     def _check_together(self) -> None:
+        if self.edges is not None and not isinstance(self.edges, EdgeRule):
+            noun = "EdgeRules, or one EdgeRule"
+            rules = checks.check_sequence("edges", self.edges, EdgeRule, noun)
+            object.__setattr__(self, "edges", rules)
         # The properties raise errors for invalid options before a file is read.
         _ = self.unit, self.layer_set, self.color_set, self.rules
 

@@ -199,7 +199,7 @@ def _with_costs(
 ) -> Iterator[tuple[FloatArray, float]]:
     """Yield joint paths with their costs; the paths of a redundant arm are smoothed on demand."""
     if task == arm.dof:
-        yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
+        yield from ((q, joint_distance(arm, q)) for q in joint_paths)
         return
     index = stations.index
     for group in (joint_paths[:MAX_SMOOTHED], *([q] for q in joint_paths[MAX_SMOOTHED:])):
@@ -401,7 +401,7 @@ def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntAr
     return knots.cut(np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp))
 
 
-def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
+def joint_distance(arm: SerialArm, q: FloatArray) -> float:
     """Sum the shortest times between knots [s]; without velocity limits, the steps [rad]."""
     steps = np.diff(q, axis=0)
     if arm.limits.joint_velocity is None:

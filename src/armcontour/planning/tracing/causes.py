@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import spread_indices
 from armcontour.geometry import Path
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity, chord_of, tilt_of
@@ -40,6 +40,7 @@ from armcontour.robot.inverse_kinematics import (
     WHOLE,
 )
 
+WHOLE_TURN = 2 * np.pi
 # Excess over a range that counts as none [rad or m].
 NO_EXCESS = 1e-6
 # Angle by which the tilt may be exceeded between the poses that are looked at [rad].
@@ -112,6 +113,14 @@ class Singularity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Postures:
+    """Joint paths inside of all ranges."""
+
+    s: FloatArray  # Arc lengths of the poses [m], (n,)
+    q: FloatArray  # Positions of the joints that are not held [rad], (paths, n, joints)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """Result of a search for causes."""
 
@@ -120,7 +129,7 @@ class Findings:
     # Ranges or tilt that are exceeded in the best postures; if no relaxation suffices, the largest
     # excess comes first.
     strained: tuple[Relaxation, ...]
-    is_feasible: bool  # True if postures were found that exceed nothing
+    feasible: Postures | None = None  # Postures that exceed nothing, if any were found
 
 
 def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
@@ -133,7 +142,8 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
     moving = np.setdiff1d(np.arange(arm.dof), held)
     study = _Study.of(path, arm.without_held(), task)
     if study.is_feasible:
-        return Findings(singularity=None, relaxations=(), strained=(), is_feasible=True)
+        feasible = Postures(s=study.poses.s, q=study.q[study.fits])
+        return Findings(singularity=None, relaxations=(), strained=(), feasible=feasible)
     found = [replace(x, joint=_index(moving, x.joint)) for x in study.relax()]
     strained = [replace(x, joint=_index(moving, x.joint)) for x in study.strained()]
     found.sort(key=lambda x: x.size)
@@ -149,7 +159,6 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
         singularity=singular,
         relaxations=tuple(found),
         strained=tuple(strained),
-        is_feasible=False,
     )
 
 
@@ -218,8 +227,13 @@ class _Study:
     @property
     def is_feasible(self) -> bool:
         """True if a joint path is inside of all ranges."""
+        return bool(self.fits.any())
+
+    @property
+    def fits(self) -> BoolArray:
+        """Mask of the joint paths that are inside of all ranges, (paths,)."""
         ranges = Ranges.of(self.poses.arm, len(self.q))
-        return bool((_excess(self.poses, ranges, self.q) <= NO_EXCESS).all(axis=1).any())
+        return np.asarray((_excess(self.poses, ranges, self.q) <= NO_EXCESS).all(axis=1))
 
     def singularity(self, path: Path) -> Singularity | None:
         """Return the farthest singularity at which a posture inside of all ranges ends, or None."""
@@ -334,7 +348,8 @@ class _Study:
         - `index`: its index in the arm with all joints.
         """
         ends = np.array([position])
-        s, q = self._between(self._tighten(self.q[:1], [joint], ends, ends)[0])
+        nearest = self._turned_near(self.q[:1], joint, position)
+        s, q = self._between(self._tighten(nearest, [joint], ends, ends)[0])
         row = int(np.argmax(np.abs(q[:, joint] - position)))
         away = np.abs(q[:, joint] - position) > NO_EXCESS
         return Relaxation(
@@ -347,6 +362,23 @@ class _Study:
             needed=float(q[row, joint]),
             allowed=position,
         )
+
+    def _turned_near(self, q: FloatArray, joint: int, position: float) -> FloatArray:
+        """Shift a joint by the whole turns that bring it nearest to a position within its range.
+
+        - `q`: a joint path [rad], (1, n, dof).
+        """
+        if self.poses.arm.chain.slides[joint]:
+            return q
+        lower, upper = self._range(joint)
+        least, most = self._travel(q[0], joint)
+        first = np.ceil((lower - least - NO_EXCESS) / WHOLE_TURN)
+        last = np.floor((upper - most + NO_EXCESS) / WHOLE_TURN)
+        turned = q.copy()
+        if first <= last:
+            wanted = np.rint((position - (least + most) / 2) / WHOLE_TURN)
+            turned[..., joint] += WHOLE_TURN * np.clip(wanted, first, last)
+        return turned
 
     def _tighten(
         self, q: FloatArray, joints: list[int], low: FloatArray, high: FloatArray

@@ -169,11 +169,20 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
             f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} has "
             f"{arm.dimension}. Use a path with {arm.dimension} coordinates."
         )
+    if arm.dof < 3:
+        raise ArmMismatch(
+            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3. "
+            "Describe an arm that moves in a plane by an arm file of the kind planar_two_link."
+        )
     orientation = path.orientation
     turning = arm.tool_turning
     if orientation is None:
-        if turning is None or not turning.keeps_axis:
-            _refuse_position_only(arm)
+        if arm.dof > 3 and (turning is None or not turning.keeps_axis):
+            raise InvalidInput(
+                f"The path has no tool orientation, but the arm {arm.name} requires one. Specify "
+                "an orientation (in a job, path.orientation; in Python, path.oriented(rotation), "
+                "or path.pointing(direction) if only the tool axis matters)."
+            )
         return 3
     if turning is not None:
         task = task_of_parallel_joints(path, arm, turning)
@@ -195,21 +204,6 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     if not orientation.constant and (orientation.jumps > NO_JUMP).any():
         _refuse_jump(path, orientation)
     return task
-
-
-def _refuse_position_only(arm: SerialArm) -> None:
-    """Raise an error unless the arm has three joints, which follow positions only."""
-    if arm.dof > 3:
-        raise InvalidInput(
-            f"The path has no tool orientation, but the arm {arm.name} requires one. Specify an "
-            "orientation (in a job, path.orientation; in Python, path.oriented(rotation), or "
-            "path.pointing(direction) if only the tool axis matters)."
-        )
-    if arm.dof < 3:
-        raise ArmMismatch(
-            f"The arm {arm.name} has {arm.dof} joints, but a path in space needs at least 3. "
-            "Describe an arm that moves in a plane by an arm file of the kind planar_two_link."
-        )
 
 
 def _refuse_jump(path: Path, orientation: Orientation) -> None:

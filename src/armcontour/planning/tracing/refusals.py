@@ -17,13 +17,14 @@ from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.planning.tracing.causes import (
     SINGULAR,
+    Findings,
     Relaxation,
     Singularity,
-    find_causes,
     smallest_singular_value,
 )
 from armcontour.planning.tracing.joint_ranges import called, out_of_range
 from armcontour.planning.tracing.knots import OUT_OF_REACH, Knots, poses_at, suggest_remedy
+from armcontour.planning.tracing.positioner_tilt import tilt_of
 from armcontour.planning.tracing.strained_postures import targets_at
 from armcontour.robot import SerialArm
 from armcontour.robot.arm import unit_hint
@@ -47,6 +48,10 @@ MISSED_ANGLE = 1e-6
 # degrees or centimetres.
 ROOM = 0.05
 ROOM_STEPS = 1.0
+# The same room as a fraction of the recommended range, if the tilt of a positioner is limited.
+# Tracing keeps joints away from the ends of their ranges (`INNER_RANGE`), and would exceed the tilt
+# instead.
+TILT_ROOM = 0.04
 # Largest number of remedies in a message.
 MOST_REMEDIES = 3
 
@@ -240,24 +245,29 @@ def numbered_as(arm: SerialArm) -> Iterator[None]:
         raise numbered from None
 
 
-def name_cause(error: Unreachable, path: Path, arm: SerialArm, task: int) -> Unreachable:
-    """Return the error with the true cause, if one is found, by which a path is refused.
+def has_other_cause(error: Unreachable, arm: SerialArm) -> bool:
+    """Test whether a range, a held axis, the tilt or a singularity may be the cause of an error."""
+    # The search for a pose out of reach ignores ranges.
+    return bool(arm.chain.held) or not _is_far(error)
+
+
+def _is_far(error: Unreachable) -> bool:
+    """Test whether an error states that a position is out of reach."""
+    return error.limit == "reach" and (error.needed or 0.0) > OUT_OF_REACH
+
+
+def name_cause(error: Unreachable, findings: Findings, path: Path, arm: SerialArm) -> Unreachable:
+    """Return the error with the true cause, if one was found, by which a path is refused.
 
     - `arm`: the arm with its held joints.
-    - `task`: task dimension, see `task_dimension`.
     """
-    is_far = error.limit == "reach" and (error.needed or 0.0) > OUT_OF_REACH
-    if is_far and not arm.chain.held:
-        # No range and no held axis is the cause, because the search for the pose ignores ranges.
-        return error
-    findings = find_causes(path, arm, task)
     if findings.singularity is not None:
         if not findings.relaxations:
             return singular(path, arm, findings.singularity, suggest_remedy(path))
         return singular(path, arm, findings.singularity, _remedies(arm, findings.relaxations))
     if findings.relaxations and findings.relaxations[0].kind != "rotation":
         return needs_one(path, arm, findings.relaxations)
-    if is_far or findings.is_feasible or not findings.strained:
+    if _is_far(error) or not findings.strained:
         return error
     return needs_all(path, arm, findings.strained)
 
@@ -371,15 +381,22 @@ def _remedy(arm: SerialArm, cause: Relaxation) -> str:
     unit = arm.chain.unit("rad", cause.joint)
     least = min(cause.least, cause.lower)
     most = max(cause.most, cause.upper)
-    ends = [_above(least - cause.lower, cause.lower, unit)] if least < cause.lower else []
-    ends += [_above(most - cause.upper, cause.upper, unit)] if most > cause.upper else []
+    room = 0.0 if tilt_of(arm.chain) is None else TILT_ROOM * (most - least)
+    ends = []
+    if least < cause.lower:
+        ends.append(_above(least - cause.lower, cause.lower, unit, room))
+    if most > cause.upper:
+        ends.append(_above(most - cause.upper, cause.upper, unit, room))
     return f"let {name} move to {' and to '.join(ends)}"
 
 
-def _above(excess: float, end: float, unit: str) -> str:
-    """Write the end of a range [rad] that allows an excess with some room, in whole units."""
+def _above(excess: float, end: float, unit: str, room: float = 0.0) -> str:
+    """Write the end of a range [rad] that allows an excess with some room, in whole units.
+
+    - `room`: least room [rad].
+    """
     step, scale, shown = (np.pi / 180, 180 / np.pi, "deg") if unit == "rad" else (0.01, 1e3, "mm")
-    room = ROOM * abs(excess) + ROOM_STEPS * step
+    room = max(room, ROOM * abs(excess) + ROOM_STEPS * step)
     value = end + np.copysign(abs(excess) + room, excess)
     rounded = np.copysign(np.ceil(abs(value) / step), value)
     if value * excess < 0:

@@ -50,7 +50,7 @@ from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
 if TYPE_CHECKING:
-    from armcontour.planning.tracing.branch_solutions import Solution
+    from armcontour.planning.tracing.causes import Postures
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
@@ -708,8 +708,9 @@ def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[Candidate]:
     """Trace a path by a serial arm in its configurations; the shortest joint path is first."""
+    from armcontour.planning.tracing.causes import find_causes
     from armcontour.planning.tracing.leaning import attempts, may_lean
-    from armcontour.planning.tracing.refusals import name_cause
+    from armcontour.planning.tracing.refusals import has_other_cause, name_cause
 
     moving, joints = without_held(arm)
     task = dimension_of(path, arm, moving)
@@ -726,7 +727,56 @@ def _trace_serial(
         # head, the singularity of the required axis is no cause.
         if seed is not None or (leaning and cone_of(path) == 0.0):
             raise
-        raise name_cause(error, turn_as_tool(path, moving), arm, task) from None
+        if not has_other_cause(error, arm):
+            raise
+        turned = turn_as_tool(path, moving)
+        findings = find_causes(turned, arm, task)
+        if findings.feasible is None:
+            raise name_cause(error, findings, turned, arm) from None
+        if leaning:
+            raise
+        # Smoothing may have moved all joint paths out of their ranges.
+        tries_near = _trace_postures(path, arm, task, findings.feasible, tolerance)
+        if not tries_near:
+            raise
+        try:
+            return _complete(tries_near, max_count)
+        except Unreachable:
+            raise error from None
+
+
+def _trace_postures(
+    path: Path, arm: SerialArm, task: int, postures: Postures, tolerance: float
+) -> list[tuple[Callable[[], JointPath], float]]:
+    """Return functions that trace a path near postures, and their costs, the smallest first."""
+    from armcontour.planning.tracing.branch_solutions import joint_distance
+    from armcontour.planning.tracing.smoothing import move_to_poses
+
+    moving, _ = without_held(arm)
+    turned = turn_as_tool(path, moving)
+    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
+    poses = row_of_poses(turned, knots)
+    s = np.append(knots.s0, path.length)
+    guesses = np.empty((len(postures.q), len(s), moving.dof))
+    for k, known in enumerate(postures.q):
+        guesses[k] = np.column_stack([np.interp(s, postures.s, x) for x in known.T])
+    q, fits = move_to_poses(moving, poses, task, guesses)
+    tries = []
+    for near in q[fits]:
+        trace_near = partial(_refine_in_cone, path, arm, knots, poses, near, tolerance)
+        tries.append((trace_near, joint_distance(moving, near)))
+    return sorted(tries, key=lambda x: x[1])
+
+
+def _refine_in_cone(
+    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, q: FloatArray, tolerance: float
+) -> JointPath:
+    """Refine joint positions as `_refine_solution`, and check the cone of the tool axis."""
+    joint_path = _refine_solution(path, arm, knots, poses, q, tolerance)
+    if cone_of(path) > 0.0:
+        # The tool turns about one direction only, and differs from the required axis.
+        check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
+    return joint_path
 
 
 def _trace_exactly(
@@ -749,16 +799,13 @@ def _trace_exactly(
     knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
     poses = row_of_poses(turned, knots)
 
-    def refine_solution(solution: Solution) -> JointPath:
-        joint_path = _refine_solution(path, arm, knots, poses, solution.q, tolerance)
-        if cone_of(path) > 0.0:
-            # The tool turns about one direction only, and differs from the required axis.
-            check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
-        return joint_path
-
     with numbered_as(arm):
         solutions = find_solutions(turned, moving, knots, poses, task, seed)
-    return _complete([(partial(refine_solution, x), x.cost) for x in solutions], max_count)
+    tries = []
+    for x in solutions:
+        trace_near = partial(_refine_in_cone, path, arm, knots, poses, x.q, tolerance)
+        tries.append((trace_near, x.cost))
+    return _complete(tries, max_count)
 
 
 def _refine_solution(
