@@ -11,7 +11,7 @@ SERVO = ac.ServoModel(kp=25, kv=150)
 CYCLE = 4e-3
 # The reserve is about what interpolated set-points add to accelerations, so that servos saturate
 # for some milliseconds at most.
-SHAPED = ac.Shaped(tolerance=TOLERANCE, reserve=0.012)
+SHAPED = ac.Shaped(tolerance=TOLERANCE, reserve=0.015)
 
 
 @pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.46)])

@@ -312,9 +312,11 @@ def find_ends(law: PathLaw, task: Task, section_ends: FloatArray) -> list[tuple[
         _interval_at(law.s, section_ends[:-1], last),
         np.maximum(_interval_at(law.s, section_ends[1:], len(law.s) - 1) - 1, 0),
     ]
-    # Only these intervals are evaluated. Intervals between them belong to no end.
+    # Only these intervals are evaluated. Intervals between them belong to no end, but each of them
+    # must be inside one polynomial of the joint path.
     needed = np.unique(np.concatenate([*near, *edges]))
-    s = law.s[np.union1d(needed, needed + 1)]
+    at_breaks = np.searchsorted(law.s, law.joint_path.breaks[:-1])
+    s = law.s[np.unique(np.concatenate([needed, needed + 1, at_breaks]))]
     grid = Grid(law.joint_path, s, law.joint_path.locate((s[:-1] + s[1:]) / 2))
     path = SampledJointPath(grid)
     (first, second), (third, _) = path.derivatives
