@@ -21,7 +21,11 @@ from armcontour.planning.tracing.knots import (
     Knots,
     row_of_poses,
 )
-from armcontour.planning.tracing.positioner_tilt import check_fixed_tilt
+from armcontour.planning.tracing.positioner_tilt import (
+    angles_to_gravity,
+    check_fixed_tilt,
+    tilt_of,
+)
 from armcontour.planning.tracing.postures import ARM_JOINTS, find_postures, has_graph
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
 from armcontour.planning.tracing.smoothing import (
@@ -123,6 +127,9 @@ def find_solutions(
             starts = configurations(arm, poses[0], task)
         if len(starts) == 0:
             refuse_first_pose(path, arm, poses, task, seed)
+        if seed is None and tilt_of(arm.chain) is not None:
+            # Starts that turn the tool down come first.
+            starts = starts[np.argsort(angles_to_gravity(arm, starts), kind="stable")]
         collected.follow(poses, starts[:MAX_STARTS])
     if redundant and not collected.solutions and has_graph(arm) and arm.dof == ARM_JOINTS:
         collected.search(None if seed is None else starts)
