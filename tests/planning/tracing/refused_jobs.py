@@ -167,11 +167,6 @@ class Refused:
         """True if the refusal is about the changed joint."""
         return self.error.joint == self.joint
 
-    @property
-    def is_mentioned(self) -> bool:
-        """True if the message names the changed joint somewhere."""
-        return f"({self.name})" in str(self.error)
-
     def remedies(self):
         """Return the remedies of the message, each with an arm to which it is applied."""
         text = str(self.error)

@@ -43,8 +43,6 @@ from armcontour.robot.inverse_kinematics import (
 WHOLE_TURN = 2 * np.pi
 # Excess over a range that counts as none [rad or m].
 NO_EXCESS = 1e-6
-# Angle by which the tilt may be exceeded between the poses that are looked at [rad].
-NO_TILT = 1e-6
 # Size of a change of the tilt relative to that of a range, because a tilt is at most some degrees.
 TILT_SIZE = 20.0
 # Number of first postures that are followed with all ranges.
