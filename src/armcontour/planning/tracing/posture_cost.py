@@ -23,6 +23,8 @@ RANGE_WEIGHT = 30.0
 # this factor, because neither weights nor the rest of the path may push them out of their ranges.
 OUTER_RANGE = 0.95
 OUTER_FACTOR = 20.0
+# Approximate largest change of a joint position in one iteration of smoothing [rad].
+LARGEST_CHANGE = 0.3
 # Fractions of a step that are tried with costs that are not quadratic.
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003)
 # Smallest singular value of the Jacobian of an arm with external axes, with lengths relative to
@@ -59,6 +61,8 @@ def paces(arm: SerialArm) -> FloatArray:
 
 class PostureCost:
     """Cost of a joint path: squares of weighted joint steps, and of excesses over inner ranges."""
+
+    largest_change = LARGEST_CHANGE
 
     # The weight of a step decreases with its fraction of the tool path and of the initial joint
     # path, because at a tight corner the joints move far on a short path, which must not outweigh

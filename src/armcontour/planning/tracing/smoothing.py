@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Protocol
+
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
@@ -10,8 +13,6 @@ from armcontour.planning.tracing.posture_cost import PostureCost
 from armcontour.planning.tracing.stations import Stations
 from armcontour.robot import SerialArm, pose_solver
 
-# Approximate largest change of a joint position in one iteration of smoothing [rad].
-LARGEST_CHANGE = 0.3
 # Largest change of a joint position at which smoothing ends [rad].
 SETTLED = 1e-4
 # Largest number of iterations of smoothing.
@@ -136,7 +137,49 @@ def smooth(
     Returns the joint positions [rad], (paths, n, dof), and their costs, (paths,).
     """
     cost = PostureCost(arm, s, q, poses[:, :, 2], cone)
-    n = len(s)
+    return reduce_cost(arm, poses, task, q, cost, rounds, guide_rows, start_stays=start_stays)
+
+
+class JointPathCost(Protocol):
+    """Cost of joint paths that null-space motion reduces."""
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Fractions of a step that are tried."""
+
+    @property
+    def largest_change(self) -> float:
+        """Approximate largest change of a joint position in one iteration [rad]."""
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
+
+    def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the equations of the step of least linearized cost, as `PostureCost`."""
+
+    def select(self, mask: BoolArray, /) -> JointPathCost:
+        """Return the cost of the masked joint paths, (paths,)."""
+
+
+def reduce_cost(
+    arm: SerialArm,
+    poses: FloatArray,
+    task: int,
+    q: FloatArray,
+    cost: JointPathCost,
+    rounds: int,
+    rows_of: Callable[[SerialArm, FloatArray], FloatArray],
+    *,
+    start_stays: bool = False,
+) -> tuple[FloatArray, FloatArray]:
+    """Reduce a cost of joint paths by Gauss-Newton iterations, with unchanged tool poses.
+
+    Returns the joint positions [rad], (paths, n, dof), and their costs, (paths,).
+
+    - `rows_of`: returns the rows that keep a null-space position, as `guide_rows`.
+    - other arguments: as of `smooth`.
+    """
+    n = len(poses)
     free = arm.dof - task
     smoothed = q.copy()
     costs = cost.values(q)
@@ -146,7 +189,7 @@ def smooth(
         count = len(active)
         targets = np.tile(poses, (count, 1, 1))
         w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(count, n, free, arm.dof)
-        kept = guide_rows(arm, w.reshape(-1, free, arm.dof))
+        kept = rows_of(arm, w.reshape(-1, free, arm.dof))
         bands, right = cost.equations(q, w)
         if start_stays:
             right[:, :free] = 0.0
@@ -154,7 +197,7 @@ def smooth(
         solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
         change = (right.reshape(count, n, 1, free) @ w)[:, :, 0]
         size = np.abs(change).max(axis=(1, 2))
-        change *= np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None]
+        change *= np.minimum(1.0, cost.largest_change / np.maximum(size, 1e-12))[:, None, None]
         better = np.zeros(count, dtype=np.bool_)
         for share in cost.shares:
             trial = q + share * change

@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.quintics import solve_banded
 from armcontour.geometry import Path
 from armcontour.planning.tracing.positioner_tilt import chord_of, tilt_of, turn_down
-from armcontour.planning.tracing.smoothing import null_space
+from armcontour.planning.tracing.smoothing import reduce_cost
 from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import shift_by_turns
 from armcontour.robot.inverse_kinematics import configurations
@@ -43,9 +42,8 @@ SHARES = (1.0, 0.3, 0.1)
 FIRST_ROUNDS = 12
 NEXT_ROUNDS = 2
 PATH_ROUNDS = 15
-# Largest change of a joint in a step [rad or m], and the one at which improvement ends.
+# Largest change of a joint in a step [rad or m].
 LARGEST_CHANGE = 0.4
-SETTLED = 1e-4
 # Regularization of the diagonal of the equations, relative to their largest entry.
 DAMPING = 1e-6
 # Correction of joint positions at which a followed pose is reached [rad].
@@ -135,6 +133,9 @@ class Ranges:
 class Strain:
     """Cost of joint paths: squares of joint steps and of excesses over ranges and tilt."""
 
+    shares = SHARES
+    largest_change = LARGEST_CHANGE
+
     def __init__(self, poses: Poses, ranges: Ranges) -> None:
         self.poses = poses
         self.ranges = ranges
@@ -211,49 +212,19 @@ def improve(
     poses: Poses, ranges: Ranges, q: FloatArray, rounds: int, *, start_stays: bool = False
 ) -> FloatArray:
     """Reduce the strain of joint paths, (paths, n, dof), by motions that do not move the tool."""
-    free = poses.free
-    best = q.copy()
-    if free == 0 or not len(q):
-        return best
+    if poses.free == 0 or not len(q):
+        return q.copy()
     strain = Strain(poses, ranges)
-    costs = strain.values(q)
-    active = np.arange(len(q))
-    n = len(poses.s)
-    for _ in range(rounds):
-        q = best[active]
-        count = len(active)
-        targets = np.tile(poses.targets, (count, 1, 1))
-        rows = q.reshape(-1, poses.arm.dof)
-        w = null_space(poses.arm, targets, poses.task, rows).reshape(count, n, free, -1)
-        bands, right = strain.equations(q, w)
-        if start_stays:
-            right[:, :free] = 0.0
-            bands[:, :free] = np.eye(1, 2 * free)
-        solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
-        change = (right.reshape(count, n, 1, free) @ w)[:, :, 0]
-        size = np.abs(change).max(axis=(1, 2))
-        change *= np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None]
-        better = np.zeros(count, dtype=np.bool_)
-        for share in SHARES:
-            trial = q + share * change
-            goals = trial.reshape(-1, 1, poses.arm.dof).copy()
-            solved = pose_solver.solve_poses(
-                poses.arm.link_table, poses.task, trial.reshape(-1, poses.arm.dof), targets,
-                w.reshape(-1, 1, free, poses.arm.dof), goals,
-            )  # fmt: skip
-            values = strain.values(trial)
-            improved = solved.reshape(count, n).all(axis=1) & (values < costs[active]) & ~better
-            best[active[improved]] = trial[improved]
-            costs[active[improved]] = values[improved]
-            better |= improved
-            if better.all():
-                break
-        better &= size >= SETTLED
-        if not better.any():
-            break
-        active = active[better]
-        strain = strain.select(better)
-    return best
+    return reduce_cost(
+        poses.arm,
+        poses.targets,
+        poses.task,
+        q,
+        strain,
+        rounds,
+        lambda _, w: w,
+        start_stays=start_stays,
+    )[0]
 
 
 def first_postures(poses: Poses) -> FloatArray:
