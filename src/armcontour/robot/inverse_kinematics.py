@@ -12,7 +12,7 @@ from armcontour.robot.tool_turning import REACHED_ANGLE
 
 # Task dimensions, as in `pose_solver.py`:
 WHOLE = 6  # The whole tool pose.
-ONE_ROTATION = 4  # The tool point and the rotation about one direction.
+AXIS = 5  # The tool point and the tool axis.
 TURNED = 4  # The tool point and the rotation about the direction of parallel joints.
 POINT = 3  # The tool point only.
 # Number of joint positions at which the search starts. With this number it found all eight

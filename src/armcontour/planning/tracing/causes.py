@@ -34,9 +34,10 @@ from armcontour.planning.tracing.strained_postures import (
 from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import MET, shift_by_turns
 from armcontour.robot.inverse_kinematics import (
+    AXIS,
     MAX_SEARCH_STEPS,
-    ONE_ROTATION,
     SEARCH_WEIGHT,
+    TURNED,
     WHOLE,
 )
 
@@ -147,7 +148,7 @@ def find_causes(path: Path, arm: SerialArm, task: int) -> Findings:
     found.sort(key=lambda x: x.size)
     found = [*_released(path, arm, task), *found]
     if task == WHOLE and not any(x.kind == "hold" for x in found):
-        free = _Study.of(path, arm.without_held(), 5)
+        free = _Study.of(path, arm.without_held(), AXIS)
         if free.is_feasible:
             found.append(Relaxation(kind="rotation"))
     singular = study.singularity(path)
@@ -526,7 +527,7 @@ def smallest_singular_value(
     lengths = np.linalg.norm(np.asarray(arm.chain.positions)[inner[1:]], axis=1).sum()
     moving = jacobian[:3] / (lengths if lengths > 0.0 else 1.0)
     turning = jacobian[3:]
-    if task == ONE_ROTATION:
+    if task == TURNED:
         revolute = np.flatnonzero(~arm.chain.slides)[0]
         turning = turning[:, revolute][None] @ turning
     elif task != WHOLE:

@@ -32,9 +32,6 @@ OUT_OF_REACH = 1e-7
 # Rotation rate of the tool above which an error names this rate instead of a singularity [rad/m]
 TOO_FAST = 1e5
 
-# Task dimension of the position and the tool axis, and of the position alone.
-AXIS_TASK = 5
-POSITION_TASK = 3
 # Factor of the number of first knots of a redundant arm, because null-space motion is interpolated
 # between these knots
 FINER = 3

@@ -25,7 +25,6 @@ from armcontour.planning.tracing.branch_solutions import Solution, find_solution
 from armcontour.planning.tracing.guide import Guide
 from armcontour.planning.tracing.knots import (
     FINER,
-    POSITION_TASK,
     Knots,
     first_knots,
     row_of_poses,
@@ -33,7 +32,12 @@ from armcontour.planning.tracing.knots import (
     without_held,
 )
 from armcontour.planning.tracing.refusals import numbered_as
-from armcontour.planning.tracing.smoothing import null_space, smooth
+from armcontour.planning.tracing.smoothing import (
+    guide_at_stations,
+    interpolate_monotone,
+    null_space,
+    smooth,
+)
 from armcontour.planning.tracing.stations import choose_stations
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.planning.tracing.two_axis_head import (
@@ -46,6 +50,7 @@ from armcontour.planning.tracing.two_axis_head import (
     stations_of,
 )
 from armcontour.robot import SerialArm
+from armcontour.robot.inverse_kinematics import POINT
 
 # Shares of a cone, or of a head's tolerance, that are used at the stations. The next one is tried
 # if the tool leans too far between the stations.
@@ -217,7 +222,7 @@ class _Solutions:
         q = solution.q
         guide = None
         if self.task < self.moving.dof:
-            guide = _guide(self.base, self.moving, self.knots, poses, self.task, q)
+            guide = guide_at_stations(self.base, self.moving, self.knots, poses, self.task, q)
         traced = refine(self.base, self.knots, q, self.task, guide)
         return replace(traced, tool_path=self.path)
 
@@ -251,8 +256,6 @@ def lean_from(
     Raises:
         Unreachable: The tool leaves the cone, or as in `trace`.
     """
-    from scipy.interpolate import PchipInterpolator
-
     moving, _ = without_held(arm)
     poses = row_of_poses(path, knots)
     s = np.append(knots.s0, path.length)
@@ -262,13 +265,13 @@ def lean_from(
     def attempt(share: float) -> JointPath:
         """Trace with a share of the cone at the stations."""
         smoothed, _ = smooth(
-            moving, s[index], at_stations, POSITION_TASK, q[index][None],
+            moving, s[index], at_stations, POINT, q[index][None],
             start_stays=start_stays, rounds=LEANING_ROUNDS, cone=share * cone_of(path),
         )  # fmt: skip
-        rows = null_space(moving, at_stations, POSITION_TASK, smoothed[0])
+        rows = null_space(moving, at_stations, POINT, smoothed[0])
         guide = Guide.through(s[index], smoothed[0], rows, path.stops)
-        between = PchipInterpolator(s[index], smoothed[0])(s)
-        return refine(path, knots, between, POSITION_TASK, guide)
+        between = interpolate_monotone(s[index], smoothed, s)
+        return refine(path, knots, between[0], POINT, guide)
 
     return _within(cone_of(path), arm, attempt)
 
@@ -300,11 +303,11 @@ def trace_leaning(
     index = stations_of(s, poses[:, :, 2], np.union1d(path.stops, met))
     if head is None:
         at_stations = np.ascontiguousarray(poses[index])
-        rows = null_space(moving, at_stations, POSITION_TASK, q[index])
+        rows = null_space(moving, at_stations, POINT, q[index])
     else:
         rows = head.rows(len(index))
     guide = Guide.through(s[index], q[index], rows, path.stops)
-    traced = refine(path, knots, q, POSITION_TASK, guide)
+    traced = refine(path, knots, q, POINT, guide)
     check_cone(traced, arm, allowed)
     return traced
 
@@ -325,15 +328,6 @@ def _within(cone: float, arm: SerialArm, attempt: Callable[[float], JointPath]) 
     return traced
 
 
-def _guide(
-    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, task: int, q: FloatArray
-) -> Guide:
-    """Make the guide through joint positions at knots, (n + 1, dof) [rad]."""
-    index = choose_stations(path, knots, poses).index
-    rows = null_space(arm, np.ascontiguousarray(poses[index]), task, q[index])
-    return Guide.through(np.append(knots.s0, path.length)[index], q[index], rows, path.stops)
-
-
 def _trace_head(
     path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, refine: Refine
 ) -> JointPath:
@@ -352,6 +346,6 @@ def _trace_head(
                 path, moving, head, s[stations], poses[stations], share * cone, seed
             )
         between = np.stack([np.interp(s, s[stations], x) for x in q.T], axis=1)
-        return refine(path, knots, between, POSITION_TASK, guide)
+        return refine(path, knots, between, POINT, guide)
 
     return _within(cone, arm, attempt)

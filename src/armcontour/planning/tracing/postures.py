@@ -29,6 +29,7 @@ from armcontour.planning.tracing.stations import Stations
 from armcontour.robot import SerialArm
 from armcontour.robot.chain import FROM_FLOOR, joint_rows, link_poses
 from armcontour.robot.closed_form_kinematics import ClosedForm
+from armcontour.robot.inverse_kinematics import AXIS
 
 # Number of joints of the arm on its external axes.
 ARM_JOINTS = 6
@@ -295,7 +296,7 @@ class _Graph:
 
     def _tool_turns(self, factor: float, task: int) -> FloatArray:
         """Return rotations about the tool axis, (turns, 3, 3)."""
-        count = int(np.ceil(WHOLE_TURN / (TOOL_STEP * factor))) if task == 5 else 1
+        count = int(np.ceil(WHOLE_TURN / (TOOL_STEP * factor))) if task == AXIS else 1
         angles = np.arange(count) * (WHOLE_TURN / count)
         return np.asarray(exp(angles[:, None] * np.array([0.0, 0.0, 1.0])))
 

@@ -28,7 +28,6 @@ from armcontour.planning.tracing.joint_ranges import (
     turn_into_range,
 )
 from armcontour.planning.tracing.knots import (
-    AXIS_TASK,
     FINER,
     MIDDLE,
     PLACES,
@@ -46,6 +45,7 @@ from armcontour.planning.tracing.parallel_joints import check_held, turn_as_tool
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot.inverse_kinematics import AXIS
 from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
 
@@ -654,7 +654,7 @@ def is_redundant(path: Path, arm: SerialArm) -> bool:
 
     moving, _ = without_held(arm)
     task = dimension_of(path, arm, moving)
-    return task < moving.dof or (task == AXIS_TASK and may_lean(path, moving))
+    return task < moving.dof or (task == AXIS and may_lean(path, moving))
 
 
 def _turn_to(joint_path: JointPath, arm: Arm, difference: FloatArray) -> JointPath:
@@ -676,7 +676,7 @@ def _trace_near(
     from armcontour.planning.tracing.two_axis_head import HEAD_FINER
 
     moving, joints = without_held(arm)
-    leaning = dimension_of(path, arm, moving) == AXIS_TASK and may_lean(path, moving)
+    leaning = dimension_of(path, arm, moving) == AXIS and may_lean(path, moving)
     knots = first_knots(path, arm.span, HEAD_FINER if leaning else FINER)
     s = np.append(knots.s0, path.length)
     if np.abs(s - knot).min() > REPEATED_POINT:
@@ -715,7 +715,7 @@ def _trace_serial(
     moving, joints = without_held(arm)
     task = dimension_of(path, arm, moving)
     near = None if seed is None else seed[joints]
-    leaning = task == AXIS_TASK and may_lean(path, moving)
+    leaning = task == AXIS and may_lean(path, moving)
     try:
         if leaning:
             refine_near = partial(_refine_guided, arm, tolerance)
@@ -823,17 +823,13 @@ def _refine_solution(
     - `q`: positions at the same knots of the joints that are not held [rad], (n + 1, joints).
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
-    from armcontour.planning.tracing.smoothing import null_space
-    from armcontour.planning.tracing.stations import choose_stations
+    from armcontour.planning.tracing.smoothing import guide_at_stations
 
     moving, _ = without_held(arm)
     task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
-        index = choose_stations(path, knots, poses).index
-        w = null_space(moving, poses[index], task, q[index])
-        s = np.append(knots.s0, path.length)
-        guide = Guide.through(s[index], q[index], w, path.stops)
+        guide = guide_at_stations(path, moving, knots, poses, task, q)
     return _refine_guided(arm, tolerance, path, knots, q, task, guide)
 
 
