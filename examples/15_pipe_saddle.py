@@ -19,9 +19,10 @@ for name, travel in zip(job.arm.joint_names[:3], np.ptp(q, axis=0), strict=False
     moved = f"{travel * 1e3:.0f} mm" if name == "rail" else f"{np.degrees(travel):.0f}°"
     print(f"  {name} moves by {moved}")
 
-# On a table that does not turn, the torch cannot stay near gravity.
-hold = {("arm", "positioner", "axes", k, "hold"): 0.0 for k in range(2)}
+# A table that does not turn cannot keep the torch near gravity: the turntable would have to move.
+hold = {("arm", "preferences", axis, "hold"): 0.0 for axis in ("turn", "tilt")}
 try:
     ac.run(ac.read_job(seam, cell="ur10e_positioner", patch=hold))
 except ac.Unreachable as error:
-    print(f"with held axes it would be {np.degrees(error.needed):.0f}° from gravity")
+    axis = job.arm.joint_names[error.joint]
+    print(f"with held axes refused: {axis} would have to be at {np.degrees(error.needed):.0f}°")
