@@ -42,6 +42,11 @@ LINES = 150_000
 SEGMENTS = 10_000
 # Contours of the drawing that is planned and moved.
 CONTOURS = 2_000
+# Frames while the motion plays: their median with software rendering [ms], and its ratio to that of
+# the drawing alone, at most. Frames at the beginning that are not counted.
+PLAY_FRAME = 80.0
+PLAY_RATIO = 1.3
+WARM_FRAMES = 5
 
 
 @dataclass(frozen=True)
@@ -224,7 +229,41 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     yield Found("start: charts, tables and tasks", max(whole[1:]), None, "s")
 
 
+def playing(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """Play the motion of a drawing as the drawing, as both views, and as the arm."""
+    drawing = FilePath(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
+    with _studio(browser, drawing, "--cell", "ur5e") as studio:
+        plane = 0.0
+        for name, label in (("2d", "2D"), ("both", "Both"), ("3d", "3D")):
+            studio.find("#viewbar").get_by_role("button", name=label, exact=True).click()
+            # The viewer is loaded, and its picture at rest is drawn.
+            studio.page.wait_for_timeout(3000)
+            frames = _played(studio)
+            median = _share(frames, 0.5)
+            plane = plane or median
+            more = f"p95 {_share(frames, 0.95):.0f}, {median / plane:.2f} times the drawing alone"
+            yield Found(f"play, {name}: frames, p50", median, PLAY_FRAME, "ms", more=more)
+            if name != "2d":
+                title = f"play, {name}: frames as a ratio to 2d"
+                yield Found(title, median / plane, PLAY_RATIO, "")
+
+
+def _played(studio: Studio) -> list[float]:
+    """Play the motion slowly, and return the times between the page's frames [ms]."""
+    studio.find("#playback select").last.select_option("0.25")
+    studio.page.keyboard.press("Home")
+    studio.find("#playback .play").click()
+    studio.wait("#playback", state="playing")
+    frames = _frames(studio, lambda t: None)
+    assert studio.told("#playback", "state") == "playing", "The motion ended too early."
+    studio.find("#playback .play").click()
+    studio.wait("#playback", state="paused")
+    # The first frames compile code and upload geometry.
+    return frames[WARM_FRAMES:]
+
+
 MEASURES: dict[str, Measure] = {
+    "playing": playing,
     "paper": paper,
     "square": square,
     "segments": segments,

@@ -7,7 +7,7 @@ import { headOf, knownOf } from "./figures.js";
 import { textOf } from "./format.js";
 import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
-import { along, indexAt, oncePerFrame } from "./state.js";
+import { along, indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -51,7 +51,11 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** Drawn content, for tests and measurements. @type {Record<string, string>} */
+    this.told = {};
     this.draw = oncePerFrame(() => this.drawNow());
+    // Texts and attributes take longer than the posture, and nobody reads them in every screen frame.
+    this.describe = nowAndThen(READING, () => this.describeNow());
     this.note = make("p", { class: "arm-note", role: "status" });
     this.box = make("div", { class: "arm-box" }, [this.note]);
     this.region.append(this.box);
@@ -120,7 +124,7 @@ class ArmView {
     this.load(arm);
     this.read(arm);
     this.pose(arm);
-    this.region.dataset.frames = String(this.viewer?.frames ?? 0);
+    this.describe();
   }
 
   /** Read new frames. @param {Frame} arm */
@@ -172,7 +176,7 @@ class ArmView {
 
   /** Show the posture at the shown time. @param {Frame} arm */
   pose(arm) {
-    const { motion, viewer, store, region } = this;
+    const { motion, viewer, store } = this;
     const t = Math.min(store.time, motion?.duration ?? 0);
     const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
     const refused = store.refusal?.head.at?.xyz ?? null;
@@ -189,10 +193,15 @@ class ArmView {
       viewer.covered = { top: viewer.bar.offsetTop + viewer.bar.offsetHeight, bottom: NOTE };
       viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
     }
-    Object.assign(region.dataset, {
+    this.told = {
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
-    });
-    say(this.note, this.noteText(motion));
+    };
+  }
+
+  /** Write the note, and describe the drawn content for tests and measurements. */
+  describeNow() {
+    say(this.note, this.noteText(this.motion));
+    Object.assign(this.region.dataset, this.told, { frames: String(this.viewer?.frames ?? 0) });
   }
 
   /** @param {Motion | null} motion @returns {string} */
