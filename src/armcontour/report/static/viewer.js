@@ -152,6 +152,8 @@ export class Viewer {
     this.alarmed = "";
     this.theme = theme;
     this.chain = new Chain(arm.head.joints, arm.head.tool);
+    /** Frames of the links at the shown posture, the base first. @type {Matrix4[]} */
+    this.links = [];
     this.work = this.onPart = poseOf(arm.head.part.at);
     this.part = 0;
     this.reach = 1;
@@ -440,6 +442,7 @@ export class Viewer {
   /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} tool position in the base frame [m] */
   setJoints(q) {
     const links = this.chain.links(q);
+    this.links = links;
     const tool = this.chain.toolOf(links);
     links.forEach((x, k) => setMatrix(this.groups[k], x));
     this.work = links[this.part].clone().multiply(this.onPart);

@@ -4,8 +4,8 @@ import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
-import { textOf } from "./format.js";
-import { motionOf, shownMotion } from "./motion.js";
+import { short, textOf } from "./format.js";
+import { comparedExecution, motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
 import { along, indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
 import { CLICKED } from "./view2d.js";
@@ -40,6 +40,8 @@ class ArmView {
     this.link = link;
     /** Picks edges; null until the viewer is loaded. @type {EdgeTool | null} */
     this.edgeTool = null;
+    /** The executed tool; null until the viewer is loaded. @type {import("./ghost.js").Ghost | null} */
+    this.ghost = null;
     /** Document for which the tool was offered. */
     this.offered = "";
     /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
@@ -67,7 +69,7 @@ class ArmView {
     if (this.isLoading) return;
     this.isLoading = true;
     try {
-      const { createViewer, rendererName } = await import("./viewer.js");
+      const [{ createViewer, rendererName }, { Ghost }] = await Promise.all([import("./viewer.js"), import("./ghost.js")]);
       if (rendererName() === null) this.problem = NO_WEBGL;
       else {
         this.viewer = createViewer(this.box, arm, this.store.theme);
@@ -77,6 +79,7 @@ class ArmView {
         this.listen(this.viewer.canvas);
         const tool = new EdgeTool(this.store, this.link, this.viewer, this.box);
         this.edgeTool = tool;
+        this.ghost = new Ghost(this.viewer);
         this.viewer.drawn = () => tool.draw();
       }
     } catch (error) {
@@ -136,7 +139,10 @@ class ArmView {
       if (viewer?.setModel(model?.head.sentence ? null : model)) stale.add("arm");
       if (stale.has("model")) this.edgeTool?.read();
     }
-    if (stale.has("arm")) viewer?.setArm(arm);
+    if (stale.has("arm")) {
+      viewer?.setArm(arm);
+      this.ghost?.readArm();
+    }
     if (placed) viewer?.placeModel(placed.at);
     this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
     viewer?.setTransparent(store.options.transparent && placed !== null);
@@ -181,6 +187,8 @@ class ArmView {
     const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
+    // The executed motion has its own tool.
+    this.ghost?.show(motion?.of === "planned" ? comparedExecution(store) : null, t);
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     viewer?.touch(store.touched?.xyz ?? []);
     viewer?.alert(store.refusal?.head.bodies ?? []);
@@ -194,6 +202,7 @@ class ArmView {
       viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
     }
     this.told = {
+      ghost: this.ghost?.factor ? this.ghost.tip.position.toArray().join(",") : "", magnify: String(this.ghost?.factor ?? 0),
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
     };
   }
@@ -213,8 +222,9 @@ class ArmView {
     const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
     if (pair) return `Nearest here: ${pair.note}, ${textOf(pair)}`;
     if (!motion) return "No motion yet: the arm is at zero.";
-    if (this.store.options.time !== motion.of) return "The executed motion is not there yet: this is the planned one.";
-    return "";
+    if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";
+    const { factor = 0, error = 0 } = this.ghost ?? {};
+    return factor ? `Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}` : "";
   }
 }
 
