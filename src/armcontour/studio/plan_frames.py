@@ -57,7 +57,7 @@ NO_LIMIT = 255
 # Number of points per rapid.
 RAPID_POINTS = 16
 # Number of times per rapid at which the largest tool speed is sought.
-RAPID_PEAK_TIMES = 128
+RAPID_PEAK_TIMES = 512
 # Approximate maximum number of points for all rapids together.
 MAX_RAPID_POINTS = 50_000
 # Maximum number of rounded corners with handles; with more, no corner has a handle.

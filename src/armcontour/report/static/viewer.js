@@ -19,9 +19,10 @@ const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-/** Resolutions in software rendering while something moves, because each pixel takes time. */
-const COARSE = [0.75, 0.6, 0.5];
-/** Mean time between pictures above which the next coarser resolution is used [ms], and the number of pictures of a mean. */
+/** Numbers of pixels in software rendering while something moves, because each pixel takes time; smallest and largest resolution of these. */
+const PIXELS = [200e3, 120e3, 80e3, 50e3];
+const [COARSEST, FINEST] = [0.4, 0.75];
+/** Mean time between pictures above which the next smaller number of pixels is used [ms], and the number of pictures of a mean. */
 const [SLOW, PACED] = [24, 8];
 /** Depth of the ground in the slab that shows a floor of the scene [m], so that the slab hides it at every resolution. */
 const SUNK = 0.01;
@@ -159,7 +160,7 @@ export class Viewer {
     this.reach = 1;
     this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
-    /** Index of the resolution while something moves, and the times of the last pictures [ms]. */
+    /** Index of the number of pixels while something moves, and the times of the last pictures [ms]. */
     this.coarseness = 0;
     this.times = /** @type {number[]} */ ([]);
     this.size = this.view = "";
@@ -545,7 +546,7 @@ export class Viewer {
     });
   }
 
-  /** Choose the resolution by the time between pictures while something moves. @param {number} now [ms] */
+  /** Choose the number of pixels by the time between pictures while something moves. @param {number} now [ms] */
   pace(now) {
     const { times } = this;
     // After a rest, the machine may have more time.
@@ -555,7 +556,7 @@ export class Viewer {
     }
     times.push(now);
     if (times.length <= PACED) return;
-    if ((now - times[0]) / PACED > SLOW) this.coarseness = Math.min(COARSE.length - 1, this.coarseness + 1);
+    if ((now - times[0]) / PACED > SLOW) this.coarseness = Math.min(PIXELS.length - 1, this.coarseness + 1);
     times.length = 0;
   }
 
@@ -568,7 +569,8 @@ export class Viewer {
       this.paths[k].visible = has && !isCoarse;
       this.thinPaths[k].visible = has && isCoarse;
     });
-    const ratio = isCoarse ? COARSE[this.coarseness] : this.software ? 2 : Math.min(2, devicePixelRatio);
+    const coarse = Math.sqrt(PIXELS[this.coarseness] / (width * height));
+    const ratio = isCoarse ? Math.min(FINEST, Math.max(COARSEST, coarse)) : this.software ? 2 : Math.min(2, devicePixelRatio);
     if (String([width, height, ratio]) !== this.size) {
       this.size = String([width, height, ratio]);
       this.renderer.setPixelRatio(ratio);
@@ -579,7 +581,12 @@ export class Viewer {
     Object.assign(this.eye, { near: Math.max(0.005, away / 100), far: away + 6 * this.reach });
     Object.assign(/** @type {Fog} */ (this.scene.fog), { near: away + this.reach, far: away + 2.5 * this.reach });
     this.eye.updateProjectionMatrix();
+    // While something moves, the shadow is at most one picture old.
+    const { shadowMap } = this.renderer;
+    const isShadowDue = shadowMap.needsUpdate;
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 0;
     this.renderer.render(this.scene, this.eye);
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 1;
     this.frames += 1;
     this.host.dataset.frames = String(this.frames);
     this.drawn();

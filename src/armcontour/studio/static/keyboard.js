@@ -80,7 +80,7 @@ export function init(store, link, { view }) {
     const isEnd = event.key === "Home" || event.key === "End";
     if (event.target instanceof HTMLInputElement && (isEnd || event.key.startsWith("Arrow"))) return;
     if (isEnd && event.target instanceof Element && event.target.matches("[role=tabpanel], [role=tabpanel] *")) return;
-    if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]")) return;
+    if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]:not(.scrub)")) return;
     event.preventDefault();
     if (!store.document && name !== "?") return;
     if (!name.startsWith("ctrl+")) return act[name]();
