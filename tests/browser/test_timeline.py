@@ -1,4 +1,4 @@
-"""The timeline: going to times and places, zooming, and the executed tool beside the planned one."""
+"""The timeline: going to times and places, zooming, and the executed tool as a ghost."""
 
 import re
 

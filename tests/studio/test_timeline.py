@@ -17,27 +17,29 @@ for (const [name, ...rest] of given.commands) {
   scale[name](...rest);
   states.push([scale.begin, scale.end, scale.isWhole]);
 }
-tell({ states, times: given.places.map((x) => scale.timeAt(x)), places: given.times.map((t) => scale.xOf(t)) });
+const times = given.places.map((x) => scale.timeAt(x));
+const places = given.times.map((t) => scale.xOf(t));
+tell({ states, times, places });
 """
 # A picture with the contours of `given`: lists of (time, speed), and the assigned speed.
 PICTURE = """
 const places = await import("./motion_places.js");
 const lines = given.contours;
-const breaks = [0];
-for (const x of lines) breaks.push(breaks[breaks.length - 1] + x.length);
-const all = lines.flat();
-const picture = {
-  head: { contours: lines.map((x, k) => ({ number: k + 1, name: "", t: [x[0][0], x[x.length - 1][0]] })) },
-  arrays: {
-    path_t: Float64Array.from(all, (x) => x[0]), speed: Float64Array.from(all, (x) => x[1]),
-    assigned: Float64Array.from(all, () => given.assigned ?? NaN), path_breaks: Uint32Array.from(breaks),
-    ...(given.rapids && {
-      rapid_t: Float64Array.from(given.rapids.flat(), (x) => x[0]),
-      rapid_speed: Float64Array.from(given.rapids.flat(), (x) => x[1]),
-      rapid_breaks: Uint32Array.from([0, ...given.rapids.map((_, k) => given.rapids.slice(0, k + 1).flat().length)]),
-    }),
-  },
+const breaksOf = (all) => {
+  const breaks = [0];
+  for (const x of all) breaks.push(breaks[breaks.length - 1] + x.length);
+  return Uint32Array.from(breaks);
 };
+const column = (all, k) => Float64Array.from(all.flat(), (x) => x[k]);
+const arrays = { path_t: column(lines, 0), speed: column(lines, 1), path_breaks: breaksOf(lines) };
+arrays.assigned = arrays.path_t.map(() => given.assigned ?? NaN);
+const { rapids } = given;
+if (rapids) {
+  Object.assign(arrays, { rapid_t: column(rapids, 0), rapid_speed: column(rapids, 1) });
+  arrays.rapid_breaks = breaksOf(rapids);
+}
+const contours = lines.map((x, k) => ({ number: k + 1, t: [x[0][0], x[x.length - 1][0]] }));
+const picture = { head: { contours }, arrays };
 """
 # Two contours with a rapid and a wait between them; the second has a stop and a slow place.
 CONTOURS = [
