@@ -285,6 +285,28 @@ def test_the_executed_tool_is_a_ghost_beside_the_planned_one(pages, tmp_path):
         studio.wait("#view3d", of="executed", ghost="")
 
 
+def test_a_moving_arm_is_drawn_with_fewer_pixels_in_software_rendering(studio):
+    renderer = studio.page.evaluate(
+        "async () => (await import('/static/viewer.js')).rendererName()"
+    )
+    if re.search("swiftshader|llvmpipe|software", renderer, re.IGNORECASE) is None:
+        pytest.skip(f"The browser renders with {renderer}.")
+    studio.find("#viewbar").get_by_role("button", name="3D", exact=True).click()
+    canvas = studio.find("#view3d canvas")
+    wide = canvas.evaluate("e => e.clientWidth")
+    expect(canvas).to_have_attribute("width", str(2 * wide))
+    studio.find("#playback select").last.select_option("0.1")
+    studio.page.keyboard.press("Space")
+    expect(canvas).not_to_have_attribute("width", str(2 * wide))
+    assert int(canvas.get_attribute("width")) < wide
+    studio.page.keyboard.press("Space")
+    studio.wait("#playback", state="paused")
+    expect(canvas).to_have_attribute("width", str(2 * wide))
+    # The page is left as it was.
+    studio.find("#playback select").last.select_option("1")
+    studio.find("#viewbar").get_by_role("button", name="2D", exact=True).click()
+
+
 def _from_line(point, begin, end):
     """Distance of a point from a line [m]."""
     along = (end - begin) / np.linalg.norm(end - begin)

@@ -22,7 +22,7 @@ const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 /** Numbers of pixels in software rendering while something moves, because each pixel takes time; smallest and largest resolution of these. */
 const PIXELS = [200e3, 120e3, 80e3, 50e3];
 const [COARSEST, FINEST] = [0.4, 0.75];
-/** Mean time between pictures above which the next smaller number of pixels is used [ms], and the number of pictures of a mean. */
+/** Mean time that pictures wait above which the next smaller number of pixels is used [ms], and the number of pictures of a mean. */
 const [SLOW, PACED] = [24, 8];
 /** Depth of the ground in the slab that shows a floor of the scene [m], so that the slab hides it at every resolution. */
 const SUNK = 0.01;
@@ -160,9 +160,8 @@ export class Viewer {
     this.reach = 1;
     this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
-    /** Index of the number of pixels while something moves, and the times of the last pictures [ms]. */
-    this.coarseness = 0;
-    this.times = /** @type {number[]} */ ([]);
+    /** Index of the number of pixels while something moves; how long the last pictures waited [ms], and their number. */
+    this.coarseness = this.waited = this.paced = 0;
     this.size = this.view = "";
     this.setArm(arm);
     new ResizeObserver(() => {
@@ -537,27 +536,32 @@ export class Viewer {
   /** Draw in the next screen frame; once nothing changes any more, with smooth edges. */
   draw() {
     if (this.waits) return;
-    this.waits = requestAnimationFrame((now) => {
+    const asked = performance.now();
+    this.waits = requestAnimationFrame(() => {
       this.waits = 0;
-      this.pace(now);
+      this.pace(performance.now() - asked);
       this.render(false);
       clearTimeout(this.resting);
-      if (this.software) this.resting = setTimeout(() => this.render(true), REST);
+      if (this.software) this.resting = setTimeout(() => this.rest(), REST);
     });
   }
 
-  /** Choose the number of pixels by the time between pictures while something moves. @param {number} now [ms] */
-  pace(now) {
-    const { times } = this;
-    // After a rest, the machine may have more time.
-    if (now - (times.at(-1) ?? now) > REST) {
-      times.length = 0;
-      this.coarseness = Math.max(0, this.coarseness - 1);
-    }
-    times.push(now);
-    if (times.length <= PACED) return;
-    if ((now - times[0]) / PACED > SLOW) this.coarseness = Math.min(PIXELS.length - 1, this.coarseness + 1);
-    times.length = 0;
+  /** Draw with smooth edges, unless another picture follows. */
+  rest() {
+    if (this.waits) return;
+    this.render(true);
+    // The next motion begins with finer pictures: the machine may have more time then.
+    this.waited = this.paced = 0;
+    this.coarseness = Math.max(0, this.coarseness - 1);
+  }
+
+  /** Choose the number of pixels by how long pictures wait for the ones before them. @param {number} wait [ms] */
+  pace(wait) {
+    this.waited += wait;
+    this.paced += 1;
+    if (this.paced < PACED) return;
+    if (this.waited > PACED * SLOW) this.coarseness = Math.min(PIXELS.length - 1, this.coarseness + 1);
+    this.waited = this.paced = 0;
   }
 
   /** @param {boolean} rests true if nothing moves, so that drawing may take longer */
