@@ -252,9 +252,10 @@ def test_the_executed_tool_is_a_ghost_beside_the_planned_one(pages, tmp_path):
         studio.rest()
         studio.find("#viewbar").get_by_role("button", name="Both").click()
         studio.wait_for("#view3d[data-frames]")
-        # In the middle of the first segment, after the first corner's half of the time.
+        # On a straight part of the path.
         for _ in range(6):
             studio.find(".scrub").press("Shift+ArrowRight")
+        studio.wait("#view3d", time=studio.told("#playback", "time"))
         studio.wait_for("#view3d[data-ghost*=',']")
         tool, ghost = (
             np.array(studio.told("#view3d", x).split(","), dtype=float)[:2]
