@@ -4,6 +4,8 @@ import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
+import { Stopped } from "./stopped.js";
+import { shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -46,7 +48,7 @@ export function init(store, link) {
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
   const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([]), t = /** @type {number | undefined} */ (undefined)) =>
-    render(html`<span>${sentence}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
+    render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
@@ -85,7 +87,9 @@ export function init(store, link) {
     if (gone && !banner.isConnected) focused = /** @type {HTMLElement} */ (document.activeElement);
     if (gone) find("#messages").append(banner);
     else banner.remove();
-    say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
+    const { stopped = false, lost: isChangeLost = false } = link;
+    document.body.dataset.stopped = String(stopped);
+    render(stopped ? html`<${Stopped} head=${store.document} isChangeLost=${isChangeLost} />` : html`<p>Not connected, so nothing can be changed. ${link.sentence}</p>`, banner);
     for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
