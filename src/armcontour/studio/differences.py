@@ -156,7 +156,6 @@ def _moves(before: Any, after: Any) -> Iterator[str]:
     yield f"Part turned {_signed(float(turn[2]), 'rad')}" if is_about_z else "Part turned"
 
 
-
 def _frame(written: Any) -> dict[str, Any] | None:
     """Return a written frame in SI units; None if it is not valid."""
     data = {} if written is MISSING or written is None else written

@@ -376,10 +376,11 @@ function Range({ slider, at, written, place }) {
 function Fold({ at, title, text, count, told = " set", aside, content }) {
   const open = useSignal(count > 0);
   const isOpen = open.value || Boolean(wanted.value);
-  return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
+  const fold = html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
     <summary title=${text}>${words(title)}${count > 0 && html` <small>${count}${told}</small>`}</summary>
     <${Refusal} at=${at} />${isOpen && content()}
-  </details>${aside}`;
+  </details>`;
+  return aside ? html`<div class="with-usual">${fold}${aside}</div>` : fold;
 }
 
 /** A button that adds a part of the process with usual values, which it names. @param {{at: Key, name: string}} props */

@@ -41,9 +41,6 @@ export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
-  // Messages cover the drawing, but not the buttons above it.
-  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 48}px`);
-  new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
@@ -90,7 +87,7 @@ export function init(store, link) {
     const { stopped = false, lost: isChangeLost = false } = link;
     document.body.dataset.stopped = String(stopped);
     render(stopped ? html`<${Stopped} head=${store.document} isChangeLost=${isChangeLost} />` : html`<p>Not connected, so nothing can be changed. ${link.sentence}</p>`, banner);
-    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
+    for (const region of document.querySelectorAll("#stage, #panel, #playback, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
