@@ -2,6 +2,8 @@
 
 /** Width of a digit and height of a number [px]. */
 const [DIGIT, HEIGHT] = [7, 13];
+/** Size of a contour below which its number is in its middle [px]. */
+const SMALL = 80;
 /** Distance of a number from the start of its contour, and the least distance between numbers [px]. */
 const [AWAY, GAP] = [9, 2];
 
@@ -13,7 +15,7 @@ const [AWAY, GAP] = [9, 2];
  */
 
 /**
- * Place numbers outside the starts of their contours, or else in their middles; numbers without room are left out.
+ * Place numbers in the middles of small contours, or else outside their starts; numbers without room are left out.
  * The selected contour's number comes first.
  * @param {Mark[]} marks @param {import("./viewport.js").Viewport} view @param {number} selected -1: none @returns {Placed[]}
  */
@@ -41,8 +43,10 @@ const widthOf = (number) => DIGIT * number.length;
 function candidatesOf({ at, out, centre, number, size }, view) {
   const [x, y] = view.toScreen(at);
   const beside = /** @type {[number, number]} */ ([x + (AWAY + widthOf(number) / 2) * out[0], y - (AWAY + HEIGHT / 3) * out[1]]);
-  const hasRoom = size * view.scale > widthOf(number) + HEIGHT;
-  return hasRoom ? [beside, view.toScreen(centre)] : [beside];
+  // In the middle of a large contour are others.
+  const [hasRoom, isSmall] = [size * view.scale > widthOf(number) + HEIGHT / 2, size * view.scale < SMALL];
+  if (!hasRoom) return [beside];
+  return isSmall ? [view.toScreen(centre), beside] : [beside, view.toScreen(centre)];
 }
 
 /** @param {number} x @param {number} y @param {import("./viewport.js").Viewport} view */
