@@ -3,7 +3,7 @@
 import hashlib
 
 import pytest
-from tests.studio.session_pages import JOB, MOVE, RecordingTaskWorker
+from tests.studio.session_pages import MOVE, RecordingTaskWorker
 
 from armcontour.core.yaml_loader import load
 from armcontour.report.message_frame import MessageFrame
@@ -113,18 +113,3 @@ def test_differences_name_what_has_changed(before, after, count, words):
     assert all(x in found[0] for x in words)
     # In the other direction there are as many.
     assert len(differences(load(after, ""), load(before, ""))) == count
-
-
-def test_contours_are_ordered_by_one_edit(session, tab):
-    orders = [[k, 200 - k] for k in range(1, 151)]
-    # The number of contours is not limited, unlike the number of edits of a message.
-    tab.edit({"do": "order", "orders": orders})
-    contours = load(session.editor.document.text, "")["path"]["contours"]
-    assert contours == {k: {"order": order} for k, order in orders}
-    assert len(tab.last("document")["steps"]["labels"]) == 1
-    tab.say("undo")
-    assert session.editor.document.text == JOB
-    for wrong in ([], [[1]], [[1, "x"]], [[{}, 1]], "x"):
-        if wrong:
-            tab.edit({"do": "order", "orders": wrong})
-            assert session.editor.document.text == JOB

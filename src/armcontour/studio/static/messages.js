@@ -91,7 +91,7 @@ export function init(store, link) {
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
-    say(state, link.state === "open" ? "" : link.sentence);
+    say(state, { open: "", starting: link.sentence }[/** @type {string} */ (link.state)] ?? "Not connected");
     state.title = link.sentence;
   });
 }
