@@ -17,7 +17,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
-from armcontour.report import render_report, render_table, sections, write_report
+from armcontour.report import render_report, sections, write_report
+from armcontour.report.batch_report import render_batch
+from armcontour.report.origin import Origin
 from armcontour.report.figure import Curve, Figure, Plot, to_json
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.sections.learning import learned, learning
@@ -39,11 +41,18 @@ def page(job_result):
     return render_report(job_result)
 
 
+def written(value, unit):
+    """A value on a page: lengths have at most three decimals of a millimetre."""
+    if unit == "m" and value < 1e-4:
+        return f"{value * 1e3:.3f} mm" if value >= 1e-6 else "&lt; 0.001 mm"
+    return number(value, unit)
+
+
 def test_the_report_shows_the_figures_of_every_run(job_result, page, in_order):
     for result in job_result.runs.values():
         e = result.judged
         values = (e.duration, "s"), (e.contour_error.rms, "m"), (e.contour_error.max, "m")
-        assert all((number(*x) if x[0] >= 1e-6 else "&lt; 0.001 mm") in page for x in values)
+        assert all(written(*x) in page for x in values)
     slowest = job_result.runs["shaped"].explanation.to_data()["slowest"].value
     words = (f"slowest point: {slowest}", "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
@@ -119,7 +128,7 @@ def test_a_page_contains_its_figures_and_their_script(page, job_result):
     assert {x[3] for x in limits["bars"]} >= {"joint acceleration"} and error["logarithmic"]
     assert b"export" in unpacked(page, "uplot") and len(page) < 1e6
     # A page without figures has no code for them.
-    assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
+    assert 'id="packed-' not in render_batch("a", "", ("b",), [], [], Origin())
 
 
 def test_the_animated_arm_moves_as_planned_along_the_path(page, job_result):

@@ -12,6 +12,7 @@ from tests.browser.axe_faults import faults, load_axe
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
+from armcontour.core.result import Data, Row
 from armcontour.files import parse_job
 from armcontour.files.job_file import read_cell
 from armcontour.jobs import CertificateGoal
@@ -19,9 +20,10 @@ from armcontour.report import (
     render_demo,
     render_placement,
     render_report,
-    render_table,
 )
+from armcontour.report.batch_report import BatchEntry, render_batch
 from armcontour.report.identification import render_identification
+from armcontour.report.origin import Origin
 
 pytestmark = pytest.mark.browser
 DRAWINGS = FilePath(__file__).parents[3] / "examples" / "drawings"
@@ -88,9 +90,24 @@ def placed():
 
 
 def batched():
-    rows = [(str(k), f"{10 * k} mm/s", "kept", "2.1855 s", "") for k in range(1, 40)]
-    rows.append(("40", "0.4 m/s", "refused", "-", "The path is out of reach. " * 4))
-    return render_table("Batch", "40 jobs", ("job", "limits.speed", "verdict", "motion", ""), rows)
+    words = {True: "kept", False: "NOT KEPT"}
+    rows = []
+    entries = []
+    for k in range(1, 40):
+        kept = k % 3 > 0
+        speed = f"{10 * k} mm/s"
+        shown = (
+            Row("kept", kept, "verdict", "verdict"),
+            Row("off_drawing", 1e-6 * k**2, "m", "off the drawing"),
+            Row("duration", 40 / k, "s", "motion"),
+        )
+        rows.append((str(k), speed, words[kept], f"{40 / k:.3g} s", ""))
+        entries.append(BatchEntry(name=str(k), values=f"speed {speed}", data=Data("", shown)))
+    error = "The path is out of reach. " * 4
+    rows.append(("40", "0.4 m/s", "refused", "-", error))
+    entries.append(BatchEntry(name="40", values="speed 0.4 m/s", data=Data(""), error=error))
+    header = ("job", "limits.speed", "verdict", "motion", "")
+    return render_batch("Batch", "40 jobs", header, rows, entries, Origin(job="gasket.dxf"))
 
 
 def certified():
