@@ -243,7 +243,7 @@ def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
         places=tuple(places),
     )  # fmt: skip
     front = placed(placement)
-    svg = front.parts[0].svg
+    svg = front.drawing.svg
     cells = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)"[^>]*/><text[^>]*>([^<]*)<', svg)
     right, low = (max(float(x[k]) for x in cells) for k in (0, 1))
     found = {(float(x) == right, float(y) == low): text for x, y, text in cells}

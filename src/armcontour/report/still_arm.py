@@ -16,13 +16,13 @@ from armcontour.report.message_frame import MessageFrame
 # Direction from which the picture looks, as in the view "Cell" of the viewer [rad].
 AZIMUTH = -0.7
 ELEVATION = 0.45
-# Size of the picture [px].
-WIDTH = 480.0
-HEIGHT = 400.0
+# Size of the picture [px]; its points are rounded to pixels.
+WIDTH = 900.0
+HEIGHT = 750.0
 # Margin of the picture [px].
-EDGE = 12.0
+EDGE = 22.0
 # Smaller triangles are not drawn [px²].
-SMALLEST_AREA = 0.3
+SMALLEST_AREA = 2.0
 # Number of shades per colour.
 SHADES = 10
 # Brightness of a surface that faces away from the light; 1 faces the light.
@@ -88,7 +88,7 @@ def draw_still(arm: MessageFrame, q: FloatArray, lines: Sequence[tuple[str, Floa
     parts = _paths(_Facets(*(np.concatenate(x) for x in zip(*facets, strict=True))))
     for colour, points in moved:
         d = " ".join(f"{x:.1f}" for x in place(points).ravel().tolist())
-        parts.append(f'<path d="M{d}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
+        parts.append(f'<path d="M{d}" fill="none" stroke="{colour}" stroke-width="3"/>')
     box = f"0 0 {WIDTH:.0f} {HEIGHT:.0f}"
     label = "The arm at the middle of its motion"
     inside = "".join(parts)
@@ -128,7 +128,7 @@ def _facets(kind: str, triangles: FloatArray, place: Any) -> _Facets:
     `triangles`: corners along the axes of the picture [m], (n, 3, 3).
     """
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    points = np.round(place(triangles), 1)
+    points = np.round(place(triangles))
     first = points[:, 1] - points[:, 0]
     second = points[:, 2] - points[:, 0]
     area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
@@ -154,7 +154,7 @@ def _paths(facets: _Facets) -> list[str]:
             parts.append(_path(last, d))
             d = ""
         last = colour
-        corners = " ".join(f"{x:.4g}" for x in facets.points[k].ravel().tolist())
+        corners = " ".join(f"{x:.0f}" for x in facets.points[k].ravel().tolist())
         d += f"M{corners}z"
     if d:
         parts.append(_path(last, d))
@@ -163,4 +163,4 @@ def _paths(facets: _Facets) -> list[str]:
 
 def _path(colour: str, d: str) -> str:
     # The stroke fills the seams between neighbours.
-    return f'<path fill="{colour}" stroke="{colour}" stroke-width=".6" d="{d}"/>'
+    return f'<path fill="{colour}" stroke="{colour}" stroke-width="1.2" d="{d}"/>'

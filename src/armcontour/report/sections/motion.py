@@ -31,7 +31,7 @@ MAX_BARS = 1200
 # Number of points in the assigned-velocity curve.
 ASSIGNED_POINTS = 4000
 # An axis of errors in mm begins at SMALLEST_ERROR if an error is larger than NOTABLE_ERROR [mm].
-SMALLEST_ERROR = 1e-3
+SMALLEST_ERROR = 1e-4
 NOTABLE_ERROR = 3e-3
 # Height of a plan's bars [px].
 BARS = 28
