@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import gzip
+import itertools
 import json
 import re
 
@@ -19,11 +20,11 @@ from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.batch_report import render_batch
-from armcontour.report.origin import Origin
 from armcontour.report.figure import Curve, Figure, Plot, to_json
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.origin import Origin
 from armcontour.report.sections.learning import learned, learning
-from armcontour.report.sections.placement_section import placed
+from armcontour.report.sections.placement_section import edges_of, placed
 from armcontour.report.style import thin
 from armcontour.studies.placement import Place, Placement
 
@@ -250,4 +251,36 @@ def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
     # Each place has the shortest motion over the other axis; y points up.
     assert found == {(False, True): "2", (False, False): "2.5", (True, True): "1",
                      (True, False): "4"}  # fmt: skip
-    assert front.sentences[0][0] == "1: refused by reach (3)"
+    assert ("1: refused by reach (3)", "") in front.sentences
+    # The shortest motion is yellow and framed, the longest one is dark.
+    colours = re.findall(r'fill="rgb\((\d+),\d+,\d+\)"/><text[^>]*>([\d.]+)<', svg)
+    reds = {text: int(red) for red, text in colours}
+    assert reds["2"] == 254 and reds["2"] > reds["2.5"] > reds["4"]
+    (framed,) = re.findall(r'<rect class="best" x="([\d.]+)" y="([\d.]+)"', svg)
+    places_of_text = {text: (float(x), float(y)) for x, y, text in cells}
+    assert np.allclose(np.array(framed, float) - places_of_text["2"], 2.0)
+    assert "at the edge of the grid (x, y, yaw)" in front.verdict
+
+
+def placement_at(axes, best):
+    """A placement whose best place has given values."""
+    job = parse_job(JERKY)
+    names = list(axes)
+    places = []
+    for values in itertools.product(*axes.values()):
+        duration = 1.0 if values == best else 2.0
+        places.append(Place(values=dict(zip(names, values, strict=True)), duration=duration))
+    return Placement(
+        job=job, run=job.runs[0], moved="part", about=np.zeros(3), own=places[0],
+        axes={x: np.array(y) for x, y in axes.items()}, places=tuple(places),
+    )  # fmt: skip
+
+
+def test_the_edge_of_a_grid_of_places_is_named_unless_it_is_a_whole_turn():
+    turn = [0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi]
+    assert edges_of(placement_at({"x": [0.0, 0.1, 0.2]}, (0.1,))) == []
+    assert edges_of(placement_at({"x": [0.0, 0.1, 0.2]}, (0.2,))) == ["x"]
+    assert edges_of(placement_at({"x": [0.0], "yaw": turn}, (0.0, 0.0))) == []
+    assert edges_of(placement_at({"yaw": turn[:3]}, (0.0,))) == ["yaw"]
+    inside = placed(placement_at({"x": [0.0, 0.1, 0.2]}, (0.1,)))
+    assert "edge" not in inside.verdict

@@ -28,9 +28,9 @@ from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text, read_log
+from armcontour.files.sources import recording_files
 from armcontour.motion import Log
 from armcontour.motion.log import arrange_joints
-from armcontour.files.sources import recording_files
 from armcontour.report.identification import render_identification
 from armcontour.report.origin import Origin
 from armcontour.robot import Arm

@@ -165,9 +165,7 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     return Outcome(lines=lines, code=int(batches.FAILED in result.counts))
 
 
-def _entries(
-    result: batches.Batch, patch: Mapping[Keys, Any], options: Batch
-) -> list[BatchEntry]:
+def _entries(result: batches.Batch, patch: Mapping[Keys, Any], options: Batch) -> list[BatchEntry]:
     """Return the rows of a batch for its report, each with the command that runs it alone."""
     several = len({x.run for x in result.rows if x.run}) > 1
     entries = []

@@ -24,7 +24,7 @@ class Memory:
     def __init__(self) -> None:
         # Result, and number of the computation that used it last, by input.
         self._known: dict[Hashable, tuple[Any, int]] = {}
-        # Number of the running or last computation.
+        # Number of completed computations, which is the number of the running one.
         self._number = 0
 
     def __len__(self) -> int:
@@ -42,14 +42,11 @@ class Memory:
         """Store the result for an input."""
         self._known[key] = value, self._number
 
-    def begin(self) -> None:
-        """Begin a computation."""
-        self._number += 1
-
-    def end(self) -> None:
-        """End a computation, and forget what it and the previous one did not use."""
+    def complete(self) -> None:
+        """Complete a computation, and forget what it and the previous one did not use."""
         oldest = self._number - 1
         self._known = {key: x for key, x in self._known.items() if x[1] >= oldest}
+        self._number += 1
 
 
 # Memory of the computation in this thread; None without one.
@@ -63,10 +60,9 @@ def remembering(memory: Memory) -> Iterator[None]:
     If the computation is interrupted by an error, nothing is forgotten.
     """
     token = _memory.set(memory)
-    memory.begin()
     try:
         yield
-        memory.end()
+        memory.complete()
     finally:
         _memory.reset(token)
 

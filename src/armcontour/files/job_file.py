@@ -37,10 +37,10 @@ from armcontour.files.job_patch import apply_patch, write_patch
 from armcontour.files.job_path import OF_FACES, is_model, part_of, parts_of, path_of, read_drawing
 from armcontour.files.job_process import add_process
 from armcontour.files.job_run import run_of
-from armcontour.files.sources import recording_sources
 from armcontour.files.job_text_edits import REMOVE, line_of, move_files
 from armcontour.files.model.edge_rules import MODELS
 from armcontour.files.scene_file import SceneModel, scene_of
+from armcontour.files.sources import recording_sources
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job
 from armcontour.jobs.job import LONGEST_TITLE

@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.memory import content_key, is_remembering, recall, remember
-from armcontour.core.progress import Progress, Step
+from armcontour.core.progress import Progress, contour_step
 from armcontour.motion import (
     JointPath,
     Law,
@@ -91,7 +91,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
-                progress(Step(("timing",), number / count))
+                progress(contour_step("timing", number, count))
     return joined.trajectory()
 
 

@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.memory import content_key, is_remembering, remembered
-from armcontour.core.progress import Progress, Step
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.orientation import Orientation
@@ -259,7 +259,7 @@ def trace_program(
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
-            progress(Step(("tracing",), tracer.done / len(contours)))
+            progress(contour_step("tracing", tracer.done, len(contours)))
     return Tracing(
         program=program, steps=tuple(tracer.steps), faster_rejected=tracer.faster_rejected
     )
@@ -336,9 +336,7 @@ class _Tracer:
         end = self._end
         q = ends_of(joint_path)[0]
         if end is not None and np.abs(q - end).max() > SAME_JOINT_POSITION:
-            line = remembered(
-                ("line", end.tobytes(), q.tobytes()), lambda: _straight_line(end, q)
-            )
+            line = remembered(("line", end.tobytes(), q.tobytes()), lambda: _straight_line(end, q))
             if self.last is None:
                 _check_turns(line, self.arm)
                 # Dwells and events before the first path are at its start, after this line.

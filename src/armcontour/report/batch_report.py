@@ -104,7 +104,8 @@ def render_batch(
         sentences.append(("Runs below", words))
     front = Front(
         verdict=_summary(entries),
-        parts=(table,) if chart is None else (chart, table), sentences=tuple(sentences)
+        parts=(table,) if chart is None else (chart, table),
+        sentences=tuple(sentences),
     )
     return render_page(
         title, Chapter(front=front, sections=sections), about=about, source=SOURCE, origin=origin

@@ -143,7 +143,7 @@ def _facets(kind: str, triangles: FloatArray, place: Any) -> _Facets:
 
 
 def _paths(facets: _Facets) -> list[str]:
-    """Return SVG paths of triangles from the farthest to the nearest; equal neighbours share one."""
+    """Return SVG paths of triangles, the farthest first; neighbours of one colour share a path."""
     order = np.argsort(facets.depths, kind="stable")
     parts = []
     d = ""

@@ -8,7 +8,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from tests.browser.axe_faults import faults, load_axe
+from tests.browser.axe_faults import ALL, faults, load_axe
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
@@ -16,8 +16,10 @@ from armcontour.core.result import Data, Row
 from armcontour.files import parse_job
 from armcontour.files.job_file import read_cell
 from armcontour.jobs import CertificateGoal
+from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 from armcontour.report import (
     render_demo,
+    render_learning,
     render_placement,
     render_report,
 )
@@ -86,7 +88,20 @@ def identified():
 
 def placed():
     grid = {"x": [-0.01, 0.01], "y": [-0.01, 1.0]}
-    return render_placement(ac.place(bend(), grid, processes=1))
+    placement = ac.place(bend(), grid, processes=1)
+    (plan,) = ac.run(placement.placed(), simulate=False).runs.values()
+    return render_placement(placement, plan)
+
+
+def learned():
+    """Two runs on a simulated robot with other gains."""
+    job = bend()
+    plan = plan_run(job, None)
+    robot = ac.ServoPlant(job.arm, job.servo.replace(kp=24.0))
+    lesson = plan.set_points
+    for _ in range(2):
+        lesson = learn_logs(job, plan, [ac.simulate(lesson, robot)], set_points=lesson)
+    return render_learning(LearnedRun(job=job, plan=plan, lesson=lesson))
 
 
 def batched():
@@ -120,6 +135,7 @@ PAGES = {
     "runs": lambda: render_report(ac.run(parts())),
     "certify": certified,
     "identify": identified,
+    "learn": learned,
     "place": placed,
     "batch": batched,
     "two jobs": lambda: render_demo([ac.run(bend()), ac.run(parts())]),
@@ -199,8 +215,59 @@ def test_a_report_is_accessible_and_no_text_is_truncated(browser, tmp_path, name
                 cut = page.evaluate(CUT_OFF)
                 page_faults += [f"{width} {state}: cut off: {x}" for x in cut]
             load_axe(page)
-            page_faults += [f"{width}: {x}" for x in faults(page)]
+            page_faults += [f"{width}: {x}" for x in faults(page, impacts=ALL)]
     assert not page_faults, "\n".join(page_faults)
+
+
+# Sections whose contents paper does not have, and figures that are not drawn or wider than paper.
+NOT_PRINTED = """() => {
+  const found = [];
+  const paper = document.body.getBoundingClientRect().right + 1;
+  for (const x of document.querySelectorAll("details")) {
+    const inside = [...x.children].find((y) => y.tagName !== "SUMMARY");
+    if (inside && !inside.checkVisibility({ contentVisibilityAuto: true })) found.push(x.id);
+  }
+  for (const x of document.querySelectorAll(".plots")) if (!x.querySelector("canvas")) found.push(x.id);
+  for (const x of document.querySelectorAll("table")) if (!x.checkVisibility()) found.push(x.textContent);
+  for (const x of document.querySelectorAll(".still")) if (!x.checkVisibility()) found.push("arm");
+  for (const x of document.querySelectorAll(".space, .player")) if (x.checkVisibility()) found.push(x.className);
+  for (const x of document.querySelectorAll(".plots canvas, table, svg"))
+    if (x.getBoundingClientRect().right > paper) found.push(`wide: ${x.outerHTML.slice(0, 80)}`);
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_report_is_printed_whole(browser, tmp_path, name):
+    with opened(browser, text_of(name), tmp_path, 1400) as page:
+        was_open = page.locator("details[open]").count()
+        page.evaluate("() => { window.dispatchEvent(new Event('beforeprint')); }")
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": 718, "height": 1000})
+        assert page.evaluate(NOT_PRINTED) == []
+        # The first page begins with the verdict or the first figure below the title.
+        first = page.locator(".front").first.bounding_box()
+        assert first["y"] < 250
+        page.emulate_media(media="screen")
+        page.evaluate("() => { window.dispatchEvent(new Event('afterprint')); }")
+        assert page.locator("details[open]").count() == was_open
+        assert page.locator("body.paper").count() == 0
+        assert len(page.pdf(format="A4")) > 10_000
+
+
+def test_a_point_of_a_batch_opens_its_run(browser, tmp_path):
+    with opened(browser, text_of("batch"), tmp_path, 1400) as page:
+        section = page.locator("#job-5")
+        assert section.get_attribute("open") is None
+        page.locator(".scatter a[href='#job-5']").click()
+        assert section.get_attribute("open") is not None
+        assert section.locator("table").first.is_visible()
+        red = page.locator("td.not-kept").first
+        assert red.inner_text() == "NOT KEPT"
+        colour, grey = (
+            x.evaluate("e => getComputedStyle(e).color") for x in (red, page.locator("td").nth(1))
+        )
+        assert colour != grey
 
 
 def test_figures_and_drawings_react_to_the_pointer(browser, tmp_path):
