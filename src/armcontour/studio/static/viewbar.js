@@ -5,6 +5,7 @@ import { legendOf, scalesOf } from "./legend.js";
 import { comparedExecution } from "./motion.js";
 import { canDraw } from "./pen.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { inches } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -94,5 +95,6 @@ export function init(store, _link, { view }) {
   const follow = nowAndThen(READING, update);
   for (const event of ["picture", "executed"]) store.on(event, follow);
   view.followers.add(follow);
+  inches.subscribe(updateLegend);
   update();
 }
