@@ -34,6 +34,7 @@ def studio(page):
     """The page with the whole motion, at its begin."""
     page.wait("#figures", exact="true")
     page.find(".scrub").dblclick(position={"x": 5, "y": 5})
+    expect(page.find(f"{TRACK} .whole")).to_be_hidden()
     page.page.mouse.move(5, 5)
     page.page.keyboard.press("Home")
     page.wait("#playback", time="0")
@@ -142,7 +143,7 @@ def test_the_wheel_zooms_about_the_pointer_and_with_shift_it_moves(studio):
 
 def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     press = studio.page.keyboard.press
-    selected = studio.find("#tab-contours ol [aria-pressed=true]")
+    selected = studio.find("#tab-contours ol [aria-pressed=true] .name")
 
     def go(key):
         """Press a key; returns the time after it."""
@@ -216,8 +217,17 @@ def test_the_curve_says_what_is_at_the_pointer(studio):
     expect(tip).to_contain_text("contour 1")
     share = float(tip.inner_text().partition(" s")[0]) / duration_of(studio)
     assert share == pytest.approx(0.05, abs=2e-3)
+    metric = float(re.search(r"([\d.]+) mm/s", tip.inner_text())[1])
     studio.page.mouse.move(5, 5)
     expect(tip).to_be_hidden()
+    # Speeds are in the unit that the page shows.
+    switch = studio.find("#bar").get_by_role("button", name="inch")
+    switch.click()
+    studio.page.mouse.move(*place(studio, 0.05))
+    expect(tip).to_contain_text("in/s")
+    inches = float(re.search(r"([\d.]+) in/s", tip.inner_text())[1])
+    assert inches == pytest.approx(metric / 25.4, rel=0.02)
+    switch.click()
 
 
 def test_a_finger_moves_the_time(pages):
@@ -314,6 +324,7 @@ def test_a_moving_arm_is_drawn_with_fewer_pixels_in_software_rendering(studio):
     if re.search("swiftshader|llvmpipe|software", renderer, re.IGNORECASE) is None:
         pytest.skip(f"The browser renders with {renderer}.")
     studio.find("#viewbar").get_by_role("button", name="3D", exact=True).click()
+    studio.wait("#views", stage="3d")
     canvas = studio.find("#view3d canvas")
     wide = canvas.evaluate("e => e.clientWidth")
     expect(canvas).to_have_attribute("width", str(2 * wide))

@@ -8,6 +8,7 @@ import { short, textOf } from "./format.js";
 import { comparedExecution, motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
 import { along, indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
+import { shownText } from "./units.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -224,7 +225,7 @@ class ArmView {
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";
     const { factor = 0, error = 0 } = this.ghost ?? {};
-    return factor ? `Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}` : "";
+    return factor ? shownText(`Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}`) : "";
   }
 }
 
