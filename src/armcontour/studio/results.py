@@ -48,8 +48,11 @@ class Origins:
     def __init__(self) -> None:
         self._origins: dict[str, Origin] = {}
 
-    def keep(self, id: str, task: str, data: Mapping[str, Any], text: str, run: str) -> None:
-        """Keep the state for which a task is started; above the limit, drop the oldest."""
+    def keep(self, id: str, task: str, data: Mapping[str, Any], text: str, run: str) -> str:
+        """Keep the state for which a task is started; above the limit, drop the oldest.
+
+        Returns the facts of the result in one line, for its file.
+        """
         made = {
             "time": datetime.now().isoformat(" ", "minutes"),
             "job": str(data.get("name") or "job"),
@@ -59,6 +62,7 @@ class Origins:
         self._origins[id] = Origin(task, data, run, made)
         while len(self._origins) > MAX_ORIGINS:
             del self._origins[next(iter(self._origins))]
+        return f"{made['time']}, job {made['job']}, run {run}, SHA-256 of the job {made['hash']}"
 
     def made(self, id: Any) -> Mapping[str, str] | None:
         """Return the facts of a result for users; None for an unknown task."""

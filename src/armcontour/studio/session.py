@@ -313,8 +313,9 @@ class Session:
         id = _required_text(message, "id")
         task = _required_text(message, "task")
         request = self.editor.request(self._revision, options)
-        self._origins.keep(id, task, self._revision.data, request["text"], request["run"])
-        self.scheduler.start_task(id, task, request)
+        data = self._revision.data
+        origin = self._origins.keep(id, task, data, request["text"], request["run"])
+        self.scheduler.start_task(id, task, {**request, "origin": origin})
 
     def do_cancel(self, page: Page, message: PageMessage) -> None:
         """Cancel a task."""
