@@ -55,12 +55,13 @@ export function init(store, link) {
   });
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {
-    const { steps = [], share, state, tier } = head;
+    const { steps = [], share, part, left, state, tier } = head;
     if (!(head.task in WORK)) return;
     task = head.task;
     work.hidden = state === "done";
     const name = tier === "exact" ? "Exact figures" : WORK[task];
-    const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
+    const done = part || (share ? `${Math.round(100 * share)} %` : "");
+    const how = [`: ${steps.at(-1) ?? "…"}`, done, left ? `about ${Math.ceil(left)} s left` : ""].filter(Boolean).join(", ");
     render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
   });
   // A refused job has also started.
