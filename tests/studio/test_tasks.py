@@ -17,11 +17,11 @@ def quiet(step):
     """Hears nothing."""
 
 
-def ask(task, data, run, **options):
+def ask(task, data, run, *, origin="", **options):
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     folder = str(DRAWINGS)
     request = {"text": text, "folder": folder, "run": run, "options": options, "allowed": [folder]}
-    return do(task, request, quiet)
+    return do(task, {**request, "origin": origin}, quiet)
 
 
 @pytest.fixture
@@ -122,6 +122,17 @@ FORMATS = (
     ({"format": "kuka"}, ".src", b""),
     ({"format": "abb"}, ".mod", b"MODULE"),
 )
+
+
+@pytest.mark.parametrize(("format", "comment"), [("urscript", "#"), ("kuka", ";"), ("abb", "!")])
+def test_a_program_states_when_and_of_what_it_was_made(format, comment, line):
+    origin = "2026-05-04 10:12, job line, run optimal, SHA-256 of the job 0123abcd"
+    answers = (ask("export", line, "optimal", format=format, origin=x) for x in ("", origin))
+    plain, told = (x.arrays["content"].tobytes().decode().splitlines() for x in answers)
+    (said,) = [x.strip() for x in told if x not in plain]
+    assert said == f"{comment} {origin}"
+    # Nothing else differs.
+    assert [x for x in told if origin not in x] == plain
 
 
 def test_the_studio_exports_files_of_all_formats(line):
