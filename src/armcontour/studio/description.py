@@ -219,7 +219,10 @@ def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) ->
         "obstacles": obstacles_of(data, job, plane, handles.frame),
         "parts": part_names(data, job.scene),
         "plane": plane_in(plane, job.arm.chain.base),
-        "part": {"at": matrix(handles.frame), "centre": handles.centre, "plane": axes},
+        "part": {
+            **{"at": matrix(handles.frame), "centre": handles.centre, "plane": axes},
+            "dimension": job.arm.dimension,
+        },
     }
 
 

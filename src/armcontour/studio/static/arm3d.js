@@ -7,7 +7,9 @@ import { headOf, knownOf } from "./figures.js";
 import { textOf } from "./format.js";
 import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
+import { placingOf } from "./placing.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
+import { compose } from "./vectors.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -28,7 +30,9 @@ const NOTE = 44; // px
 export function init(store, link) {
   const view = new ArmView(find("#view3d"), store, link);
   for (const event of ["picture", "executed", "theme", "arm", "model", "document", "view"]) store.on(event, () => view.outdate(event));
-  for (const event of ["time", "layout", "refusal", "figures", "touched"]) store.on(event, view.draw);
+  store.on("fit", () => view.look(""));
+  store.on("look", (/** @type {number} */ number) => view.look(view.viewer?.views[number - 1] ?? ""));
+  for (const event of ["time", "layout", "refusal", "figures", "touched", "placing"]) store.on(event, view.draw);
 }
 
 /** The 3D view. It draws only while it is visible and something changes. */
@@ -40,6 +44,8 @@ class ArmView {
     this.link = link;
     /** Picks edges; null until the viewer is loaded. @type {EdgeTool | null} */
     this.edgeTool = null;
+    /** Finds the body at a place. @type {typeof import("./surface.js").surfaceAt} */
+    this.surfaceAt = () => null;
     /** Document for which the tool was offered. */
     this.offered = "";
     /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
@@ -73,7 +79,13 @@ class ArmView {
         this.listen(this.viewer.canvas);
         const tool = new EdgeTool(this.store, this.link, this.viewer, this.box);
         this.edgeTool = tool;
-        this.viewer.drawn = () => tool.draw();
+        const [{ Gizmo }, { surfaceAt }] = await Promise.all([import("./gizmo.js"), import("./surface.js")]);
+        this.surfaceAt = surfaceAt;
+        const gizmo = new Gizmo(this.store, this.viewer, this.box);
+        this.viewer.drawn = () => {
+          tool.draw();
+          gizmo.draw();
+        };
       }
     } catch (error) {
       console.error(error);
@@ -83,7 +95,7 @@ class ArmView {
     this.outdate("model");
   }
 
-  /** A click selects the contour at the pointer. @param {HTMLElement} canvas */
+  /** A click selects the contour or the obstacle at the pointer. @param {HTMLElement} canvas */
   listen(canvas) {
     let [x, y] = [0, 0];
     canvas.addEventListener("pointerdown", (event) => ([x, y] = [event.offsetX, event.offsetY]));
@@ -91,10 +103,19 @@ class ArmView {
       const { offsetX, offsetY } = event;
       const isClick = Math.hypot(offsetX - x, offsetY - y) <= CLICKED;
       if (isClick && this.edgeTool?.click(offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
-      const [picture, motion] = [this.store.latest("picture"), motionOf(this.store, "planned")];
-      if (!picture || !motion || !this.viewer || !isClick) return;
-      this.store.selectAt(new PieceGrid(this.viewer.project(motion.trail), startsOf(picture)).nearest(offsetX, offsetY, NEAR));
+      if (isClick) this.select(offsetX, offsetY);
     });
+  }
+
+  /** Select the contour or the obstacle at a place. @param {number} x px @param {number} y px */
+  select(x, y) {
+    const { store, viewer } = this;
+    const [picture, motion] = [store.latest("picture"), motionOf(store, "planned")];
+    const piece = picture && motion && viewer ? new PieceGrid(viewer.project(motion.trail), startsOf(picture)).nearest(x, y, NEAR) : -1;
+    const name = piece < 0 && viewer ? this.surfaceAt(viewer, x, y)?.name : undefined;
+    const body = store.document?.obstacles.find((/** @type {any} */ found) => found.name === name);
+    if (body && body.type !== "halfspace") store.setView({ obstacle: body.index, contour: -1 });
+    else store.selectAt(piece);
   }
 
   /** Read a value from its frame again at the next draw. @param {string} what */
@@ -103,13 +124,19 @@ class ArmView {
     this.draw();
   }
 
+  /** Look from a side. @param {string} name of the view; "" for all from where it is */
+  look(name) {
+    if (!this.region.hidden) this.viewer?.look(name);
+  }
+
   /** Offer to pick edges if a model without selected edges is opened. */
   offer() {
     const { document, options } = this.store;
     if (!document || document.id === this.offered) return;
     this.offered = document.id;
     const isNew = Boolean(document.model) && hasNoEdges(document.data.path);
-    if (isNew !== options.edges || isNew) this.store.setView({ edges: isNew, ...(isNew && options.stage === "2d" && { stage: "3d" }) });
+    if (isNew) this.store.setView({ tool: "edges", ...(options.stage === "2d" && { stage: "3d" }) });
+    else if (options.tool !== "select") this.store.setView({ tool: "select" });
   }
 
   drawNow() {
@@ -133,7 +160,7 @@ class ArmView {
       if (stale.has("model")) this.edgeTool?.read();
     }
     if (stale.has("arm")) viewer?.setArm(arm);
-    if (placed) viewer?.placeModel(placed.at);
+    if (placed) this.placeModel(placed.at);
     this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
     viewer?.setTransparent(store.options.transparent && placed !== null);
     if (stale.has("theme")) viewer?.setTheme(store.theme);
@@ -144,6 +171,12 @@ class ArmView {
       viewer?.setAxes(placed ? (picture?.arrays.tool_axes ?? []) : []);
     }
     stale.clear();
+  }
+
+  /** Place the model, also while the part is dragged. @param {number[][]} at its pose in the document */
+  placeModel(at) {
+    const motion = placingOf().partMotion;
+    this.viewer?.placeModel(motion ? compose(motion, at) : at);
   }
 
   /** The path with the colours of the drawing, and rapids. @param {Motion} motion @param {Frame} picture @returns {Lines[]} */
@@ -187,7 +220,7 @@ class ArmView {
       this.fitted = key;
       // The buttons of the views, and the note, cover parts of the picture.
       viewer.covered = { top: viewer.bar.offsetTop + viewer.bar.offsetHeight, bottom: NOTE };
-      viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
+      viewer.look(hasModel && store.options.tool === "edges" ? "Part" : "Cell");
     }
     Object.assign(region.dataset, {
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),

@@ -34,6 +34,8 @@ export class View2d {
     this.fitted = "";
     /** True if everything is shown; it stays so when the region is resized. */
     this.isFitted = false;
+    /** True if obstacles are shown as well when everything is. */
+    this.showsObstacles = false;
     /** True if a part of the newest picture is in the view. */
     this.isSeen = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
@@ -67,6 +69,7 @@ export class View2d {
     store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
     for (const event of ["refusal", "theme", "view"]) store.on(event, () => this.rest());
+    store.on("fit", () => this.fit(true));
     new ResizeObserver(() => this.resize()).observe(this.region);
     // A dragged handle stays where the pointer is.
     new ResizeObserver(() => this.isFitted && !this.overlay.querySelector(".dragging") && this.fit()).observe(find("#legend"));
@@ -151,16 +154,26 @@ export class View2d {
     const id = this.store.document?.id;
     if (this.fitted === id || this.view.width === 1 || !this.store.latest("picture")) return;
     this.fitted = id;
-    this.fit();
+    this.fit(false);
   }
 
-  /** Show all of the drawing. */
-  fit() {
+  /** Show all of the drawing. @param {boolean} [whole] whether obstacles are shown as well; by default as before */
+  fit(whole = this.showsObstacles) {
     const { box } = this;
     if (!box) return;
-    this.view.fit(this.withTouched(box), this.covered);
+    this.showsObstacles = whole;
+    this.view.fit(this.withTouched(whole ? this.withObstacles(box) : box), this.covered);
     this.moved();
     this.isFitted = this.isSeen = true;
+  }
+
+  /** Return a box that also contains the obstacles [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
+  withObstacles(box) {
+    const [u, v] = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const points = [box.left, box.bottom, box.right, box.top];
+    for (const { uv, outline = [] } of this.store.document?.obstacles ?? [])
+      for (const [a, b] of outline) points.push(uv[0] + a - u, uv[1] + b - v);
+    return boxOf(points) ?? box;
   }
 
   /** Return a box that also contains the touched points [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
