@@ -1,15 +1,17 @@
 // 3D view of the arm in its cell at the posture of the shown time.
 
+import { alarmedBodies, contactAt } from "./collision.js";
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
-import { find, make, say } from "./dom.js";
+import { draw, find, make, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
 import { textOf } from "./format.js";
 import { motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
+import { measureOf, modelShapes, obstacleShapes } from "./measure.js";
 import { placingOf } from "./placing.js";
 import { along, indexAt, oncePerFrame } from "./state.js";
-import { compose } from "./vectors.js";
+import { apply, compose, inverse, poseOfColumns } from "./vectors.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -82,9 +84,11 @@ class ArmView {
         const [{ Gizmo }, { surfaceAt }] = await Promise.all([import("./gizmo.js"), import("./surface.js")]);
         this.surfaceAt = surfaceAt;
         const gizmo = new Gizmo(this.store, this.viewer, this.box);
+        this.addMeasure(this.viewer);
         this.viewer.drawn = () => {
           tool.draw();
           gizmo.draw();
+          measureOf().soon();
         };
       }
     } catch (error) {
@@ -95,6 +99,30 @@ class ArmView {
     this.outdate("model");
   }
 
+  /** Measure in this view. @param {import("./viewer.js").Viewer} viewer */
+  addMeasure(viewer) {
+    const { store } = this;
+    const overlay = draw("svg", { class: "gizmo" });
+    this.box.append(overlay);
+    const work = () => poseOfColumns(viewer.work.elements);
+    const measure = measureOf();
+    measure.add(
+      {
+        name: "3d",
+        overlay,
+        see: (points) => pairsOf(viewer.project(points.flat())),
+        isShown: () => store.options.stage !== "2d",
+        shapes: () => [...measure.drawn.shapes, ...modelShapes(store), ...obstacleShapes(store, work())],
+        surface: (x, y) => {
+          const found = this.surfaceAt(viewer, x, y);
+          return found && apply(inverse(work()), found.point);
+        },
+      },
+      this.box,
+      viewer.canvas,
+    );
+  }
+
   /** A click selects the contour or the obstacle at the pointer. @param {HTMLElement} canvas */
   listen(canvas) {
     let [x, y] = [0, 0];
@@ -103,7 +131,8 @@ class ArmView {
       const { offsetX, offsetY } = event;
       const isClick = Math.hypot(offsetX - x, offsetY - y) <= CLICKED;
       if (isClick && this.edgeTool?.click(offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
-      if (isClick) this.select(offsetX, offsetY);
+      if (!isClick || measureOf().click("3d", offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
+      this.select(offsetX, offsetY);
     });
   }
 
@@ -114,7 +143,9 @@ class ArmView {
     const piece = picture && motion && viewer ? new PieceGrid(viewer.project(motion.trail), startsOf(picture)).nearest(x, y, NEAR) : -1;
     const name = piece < 0 && viewer ? this.surfaceAt(viewer, x, y)?.name : undefined;
     const body = store.document?.obstacles.find((/** @type {any} */ found) => found.name === name);
-    if (body && body.type !== "halfspace") store.setView({ obstacle: body.index, contour: -1 });
+    // In front of a body on the part, a click belongs to the path.
+    const isMeant = body && body.type !== "halfspace" && (body.fixed_to !== "part" || store.options.tool === "obstacles");
+    if (isMeant) store.setView({ obstacle: body.index, contour: -1 });
     else store.selectAt(piece);
   }
 
@@ -207,12 +238,14 @@ class ArmView {
   pose(arm) {
     const { motion, viewer, store, region } = this;
     const t = Math.min(store.time, motion?.duration ?? 0);
-    const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
+    const contact = contactAt(store);
+    const q = contact?.q ?? (motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0));
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
-    viewer?.mark(headOf(store).nearest?.points ?? null, refused);
+    viewer?.mark(contact?.points ?? headOf(store).nearest?.points ?? null, contact ? null : refused);
     viewer?.touch(store.touched?.xyz ?? []);
-    viewer?.alert(store.refusal?.head.bodies ?? []);
+    const alarmed = alarmedBodies(store);
+    viewer?.alert(alarmed);
     // A model without selected edges is shown alone, and stays in view while its edges are picked.
     const hasModel = Boolean(viewer?.shownModel);
     const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
@@ -223,7 +256,7 @@ class ArmView {
       viewer.look(hasModel && store.options.tool === "edges" ? "Part" : "Cell");
     }
     Object.assign(region.dataset, {
-      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
+      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: alarmed.join(","), pieces: String(viewer?.pieces ?? 0),
     });
     say(this.note, this.noteText(motion));
   }
@@ -241,6 +274,9 @@ class ArmView {
     return "";
   }
 }
+
+/** Return pairs of numbers. @param {Float32Array} numbers @returns {number[][]} */
+const pairsOf = (numbers) => Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]);
 
 /** Return whether no edge of a model is selected; a path without rules has all its edges. @param {any} path @returns {boolean} */
 const hasNoEdges = (path) => Array.isArray(path?.edges) && path.edges.length === 0;

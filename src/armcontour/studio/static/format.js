@@ -28,6 +28,9 @@ export const textOf = (row) => (row ? `${row.text} ${row.unit}`.trim() : NONE);
 /** Time. @param {number | null | undefined} s @returns {string} */
 export const seconds = (s) => fixed(s, 3);
 
+/** A time with its unit. @param {number} s @returns {string} */
+export const clockOf = (s) => `${short(s)} s`;
+
 /** Return the unit in which the page shows lengths, and its size [m]. @param {import("./state.js").Store} _store @returns {{unit: string, factor: number}} */
 export const lengthIn = (_store) => ({ unit: "mm", factor: 1e-3 });
 

@@ -1,5 +1,6 @@
 // Messages of the server: refusals, notices, failures; and the state of the connection.
 
+import { Contacts, contactsOf } from "./collision.js";
 import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
@@ -52,6 +53,7 @@ export function init(store, link) {
     refused.hidden = !frame;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
+    if (contactsOf(store).length > 0) return render(html`<span>${frame.head.sentence}</span><${Contacts} store=${store} link=${link} />`, refused);
     refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);
   });
   let task = "";

@@ -12,7 +12,7 @@ import { askBody, askMesh, showList } from "./obstacle_list.js";
  * An obstacle, in SI units; the file may have another unit. Its outline and axes in the plane are
  * relative to its position `uv`.
  * @typedef {{type: string, index: number, unit: [string, number], name?: string, at?: number[], size?: number[],
- *   radius?: number, uv: Point, outline: Point[], axes: Point[], plane: {x: number[], y: number[]}}} Obstacle `plane` is in the frame of `at`
+ *   radius?: number, fixed_to: string, uv: Point, outline: Point[], axes: Point[], plane: {x: number[], y: number[]}}} Obstacle `plane` is in the frame of `at`
  */
 /** @typedef {[number, number]} Point */
 /** What a drag of an obstacle changes. @typedef {"at" | "size"} What */
@@ -60,7 +60,9 @@ class Obstacles {
 
   /** Return the obstacles as drawn: a dragged one at the pointer. @returns {Obstacle[]} */
   list() {
-    const all = this.store.document.obstacles.filter((/** @type {Obstacle} */ body) => body.outline);
+    // A body on the part is below the whole drawing, so it is there only while it is selected.
+    const isShown = (/** @type {Obstacle} */ body) => body.outline && (body.fixed_to !== "part" || body.index === this.store.options.obstacle);
+    const all = this.store.document.obstacles.filter(isShown);
     return all.map((/** @type {Obstacle} */ body, /** @type {number} */ k) => {
       const { x, y } = body.plane;
       const { at, size } = this.elements[k]?.held ?? {};

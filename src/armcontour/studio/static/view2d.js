@@ -4,6 +4,7 @@ import { themed } from "./colours.js";
 import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
+import { measureOf } from "./measure.js";
 import { Painter } from "./canvas.js";
 import { oncePerFrame } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
@@ -312,6 +313,7 @@ export class View2d {
 
   /** Select the contour at the pointer, or none. @param {PointerEvent} event */
   select(event) {
+    if (measureOf().click("2d", ...this.within(event), event.pointerType === "touch")) return;
     const picture = this.store.latest("picture");
     if (!picture?.arrays.path.length) return;
     this.store.selectAt(this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale));
