@@ -1,6 +1,6 @@
 // 3D view of the arm in its cell at the posture of the shown time.
 
-import { alarmedBodies, contactAt } from "./collision.js";
+import { alarmedBodies, contactAt, contactsOf } from "./collision.js";
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { draw, find, make, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
@@ -265,6 +265,7 @@ class ArmView {
   noteText(motion) {
     if (this.problem) return this.problem;
     // Next to the drawing, the drawing or the messages show the sentence.
+    if (contactsOf(this.store).length > 0) return "";
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     const { nearest, obstacle_t: near } = headOf(this.store);
     const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");

@@ -1,8 +1,10 @@
 // Bodies that come too near to each other: their pairs in order of time, and what to do about each.
 
+import { find, make } from "./dom.js";
 import { clockOf } from "./format.js";
-import { chooseTool } from "./tool_strip.js";
-import { html } from "./vendor/preact.js";
+import { oncePerFrame } from "./state.js";
+import { chooseTool, toolBox } from "./tool_strip.js";
+import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -40,19 +42,22 @@ function movableIn({ document }, { first, second }) {
 }
 
 /** The pairs, each with its buttons. @param {{store: Store, link: Link}} props */
-export function Contacts({ store, link }) {
+function Contacts({ store, link }) {
   const all = contactsOf(store);
+  const shown = contactAt(store);
   const allow = (/** @type {Contact} */ { first, second }) => link.edit([{ do: "allow", bodies: [first, second] }]);
-  return html`<ul class="contacts">${all.slice(0, MOST).map((contact) => {
-    const { first, second, words, t } = contact;
-    const obstacle = movableIn(store, contact);
-    return html`<li key=${`${first} ${second}`} data-pair=${`${first},${second}`}><span><b>${words}</b> <span class="quiet">${clockOf(t)}</span></span>
-      <span class="acts"><button type="button" class="go" aria-pressed=${String(contactAt(store) === contact)} title="Show this posture in the 3D view" onClick=${() => goTo(store, contact)}>Go there</button>
-      ${obstacle >= 0 && html`<button type="button" onClick=${() => store.setView({ tool: "obstacles", obstacle, pen: "" })}>Move obstacle</button>`}
-      ${canAllow(store, contact) && html`<button type="button" title=${`Let ${words} touch; other pairs stay forbidden`} onClick=${() => allow(contact)}>Allow</button>`}</span></li>`;
-  })}</ul>
-    ${all.length > MOST && html`<span class="quiet">and ${all.length - MOST} more pairs</span>`}
-    <button type="button" title="Move, raise and turn the part (G)" onClick=${() => chooseTool(store, "move")}>Move part</button>`;
+  return html`<p class="tool-title"><b class="alarm-title">Collision</b> <span class="quiet">${all.length} ${all.length === 1 ? "pair" : "pairs"} of bodies</span></p>
+    <ul>${all.slice(0, MOST).map((contact) => {
+      const { first, second, words, t, sentence } = contact;
+      const obstacle = movableIn(store, contact);
+      return html`<li key=${`${first} ${second}`} data-pair=${`${first},${second}`}><span title=${sentence}><b>${words}</b> <span class="quiet">${clockOf(t)}</span></span>
+        <button type="button" class="go" aria-pressed=${String(shown === contact)} title="Show the posture in which they touch" onClick=${() => goTo(store, contact)}>Go there</button>
+        ${shown === contact && html`<span class="acts">${canAllow(store, contact) && html`<button type="button" title=${`Let ${words} touch; other pairs stay forbidden`} onClick=${() => allow(contact)}>Allow this pair</button>`}
+          ${obstacle >= 0 && html`<button type="button" onClick=${() => store.setView({ tool: "obstacles", obstacle, pen: "" })}>Move obstacle</button>`}</span>`}</li>`;
+    })}</ul>
+    ${all.length > MOST && html`<p class="quiet">and ${all.length - MOST} more pairs, in the sentence</p>`}
+    <details><summary>Sentence</summary>${store.refusal?.head.sentence}</details>
+    <div class="acts"><button type="button" title="Move, raise and turn the part (G)" onClick=${() => chooseTool(store, "move")}>Move part</button></div>`;
 }
 
 /** Show the posture of a contact. @param {Store} store @param {Contact} contact */
@@ -61,11 +66,20 @@ export function goTo(store, { t }) {
   store.setTime(t);
 }
 
-/** @param {Store} store */
-export function init(store) {
+/** @param {Store} store @param {Link} link */
+export function init(store, link) {
+  const box = make("div", { class: "contacts", role: "group", "aria-label": "Collision", hidden: true });
+  toolBox().prepend(box);
+  const update = () => {
+    box.hidden = contactsOf(store).length === 0;
+    if (!box.hidden) render(html`<${Contacts} store=${store} link=${link} />`, box);
+  };
+  const soon = oncePerFrame(update);
   store.on("refusal", (/** @type {any} */ frame) => {
     const contact = frame && contactsOf(store)[0];
     // The bodies are shown where they touch, unless the motion is playing.
-    if (contact && document.querySelector("#playback")?.getAttribute("data-state") !== "playing") store.setTime(contact.t);
+    if (contact && find("#playback").dataset.state !== "playing") store.setTime(contact.t);
+    soon();
   });
+  for (const event of ["document", "time"]) store.on(event, soon);
 }

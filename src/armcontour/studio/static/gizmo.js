@@ -195,9 +195,10 @@ export class Gizmo {
     const [x, y] = sidesOf(normal);
     const ring = Array.from({ length: PIECES }, (_, k) => plus(plus(origin, x, RING * pixel * Math.cos((2 * Math.PI * k) / PIECES)), y, RING * pixel * Math.sin((2 * Math.PI * k) / PIECES)));
     const { element, reach, seen } = this.grips[3];
-    element.toggleAttribute("hidden", !target.turns || Math.abs(dot(normal, away)) < EDGE_ON);
-    const d = `M${see(ring).map(textOf).join("L")}Z`;
-    for (const path of [reach, seen]) mark(path, "d", d);
+    const round = see(ring);
+    const isRound = target.turns && Math.abs(dot(normal, away)) > EDGE_ON && round.every(([u]) => Number.isFinite(u));
+    element.toggleAttribute("hidden", !isRound);
+    if (isRound) for (const path of [reach, seen]) mark(path, "d", `M${round.map(textOf).join("L")}Z`);
     this.drawTrace(see, origin);
     this.describe();
   }
@@ -205,8 +206,10 @@ export class Gizmo {
   /** @param {{element: SVGElement, reach: SVGElement, seen: SVGElement, text: SVGElement}} grip @param {number[]} begin px @param {number[]} end px @param {boolean} isSeen */
   drawArrow({ element, reach, seen, text }, begin, end, isSeen) {
     const way = minus(end, begin);
-    element.toggleAttribute("hidden", !isSeen || !Number.isFinite(length(way)));
-    if (!isSeen) return;
+    // A point behind the eye has no place.
+    const isThere = isSeen && Number.isFinite(length(way));
+    element.toggleAttribute("hidden", !isThere);
+    if (!isThere) return;
     const [u, v] = unit(way);
     const [bx, by] = plus(end, [u, v], -HEAD);
     const side = HEAD / 2.4;
@@ -220,9 +223,10 @@ export class Gizmo {
   /** The line to the place before the gesture. @param {(points: Vector[]) => number[][]} see @param {Vector} origin */
   drawTrace(see, origin) {
     const { drag, trace } = this;
-    trace.toggleAttribute("hidden", !drag);
-    if (!drag) return;
-    const [[x1, y1], [x2, y2]] = see([drag.origin, origin]);
+    const [[x1, y1], [x2, y2]] = see([drag?.origin ?? origin, origin]);
+    const isShown = Boolean(drag) && Number.isFinite(x1 + x2);
+    trace.toggleAttribute("hidden", !isShown);
+    if (!isShown) return;
     for (const [name, value] of Object.entries({ x1, y1, x2, y2 })) mark(trace, name, value.toFixed(1));
   }
 

@@ -1,6 +1,6 @@
 // Messages of the server: refusals, notices, failures; and the state of the connection.
 
-import { Contacts, contactsOf } from "./collision.js";
+import { contactsOf } from "./collision.js";
 import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
@@ -50,10 +50,10 @@ export function init(store, link) {
     render(html`<span>${sentence}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
-    refused.hidden = !frame;
+    // A collision has a box of its own.
+    refused.hidden = !frame || contactsOf(store).length > 0;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
-    if (contactsOf(store).length > 0) return render(html`<span>${frame.head.sentence}</span><${Contacts} store=${store} link=${link} />`, refused);
     refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);
   });
   let task = "";

@@ -45,7 +45,7 @@ const UNITS = /** @type {Record<string, number>} */ ({ mm: 1e-3, cm: 1e-2, m: 1,
 const ANGLES = /** @type {Record<string, number>} */ ({ deg: DEGREE, "°": DEGREE, rad: 1 });
 
 /** Remove rounding errors. @param {number} x */
-export const exact = (x) => Number(x.toFixed(12)) + 0;
+export const exact = (x) => Number(x.toPrecision(15)) + 0;
 
 /** Return the angle of a pose about the z axis: its yaw [rad]. @param {Pose} pose */
 const yawOf = (pose) => Math.atan2(pose[1][0], pose[0][0]);
@@ -212,7 +212,7 @@ export class Placing {
     render(
       html`<p class="tool-title"><b>${target.title}</b> <span class="quiet">${outOfReach ? "out of reach" : `steps 5 mm, 5°; Shift 0.1`}</span></p>
         <div class="tool-fields">${shown.map((k) => html`<label key=${k} class="axis-${k}"><span>${NAMES[k]}</span><${Entry} key=${`${target.key} ${k}`} value=${texts[k]} aria-label=${SPOKEN[k]} inputmode="text" send=${(/** @type {string} */ text) => this.type(k, text)} /><span class="quiet">${k < 3 ? unit : "°"}</span></label>`)}
-        ${target.sizes.map((size) => html`<label key=${size.label}><span>${size.label}</span><${Entry} key=${`${target.key} ${size.label}`} value=${short(exact(size.value / factor), 7)} aria-label=${size.label} send=${(/** @type {string} */ text) => this.resize(size, text)} /><span class="quiet">${unit}</span></label>`)}</div>`,
+        ${target.sizes.map((size) => html`<label key=${size.label} class="size"><span>${size.label}</span><${Entry} key=${`${target.key} ${size.label}`} value=${short(exact(size.value / factor), 7)} aria-label=${size.label} send=${(/** @type {string} */ text) => this.resize(size, text)} /><span class="quiet">${unit}</span></label>`)}</div>`,
       box,
     );
     box.dataset.values = this.values.join(",");

@@ -185,10 +185,14 @@ export class View2d {
     return { left: Math.min(left, ...us), right: Math.max(right, ...us), bottom: Math.min(bottom, ...vs), top: Math.max(top, ...vs) };
   }
 
-  /** Return the height of the legend if it covers the drawing [px]. */
+  /** Return what the legend and the tools cover of the drawing [px]. */
   get covered() {
     const [legend, region] = [find("#legend"), this.region].map((x) => x.getBoundingClientRect());
-    return Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
+    const tools = document.querySelector("#viewbar .tools")?.getBoundingClientRect();
+    const below = Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
+    // In narrow pages, the tools are above the drawing.
+    const isOver = tools && tools.bottom > region.top + 1 && tools.top < region.bottom;
+    return { below, left: isOver ? Math.max(0, tools.right - region.left) : 0 };
   }
 
   /** Draw after a change of the view. */
