@@ -48,6 +48,8 @@ class ArmView {
     this.edgeTool = null;
     /** Finds the body at a place. @type {typeof import("./surface.js").surfaceAt} */
     this.surfaceAt = () => null;
+    /** View from which the next picture looks; null: as it is. @type {string | null} */
+    this.lookNext = null;
     /** Document for which the tool was offered. */
     this.offered = "";
     /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
@@ -157,7 +159,8 @@ class ArmView {
 
   /** Look from a side. @param {string} name of the view; "" for all from where it is */
   look(name) {
-    if (!this.region.hidden) this.viewer?.look(name);
+    this.lookNext = name;
+    this.draw();
   }
 
   /** Offer to pick edges if a model without selected edges is opened. */
@@ -178,6 +181,8 @@ class ArmView {
     this.load(arm);
     this.read(arm);
     this.pose(arm);
+    if (this.lookNext !== null) this.viewer?.look(this.lookNext);
+    this.lookNext = null;
     this.region.dataset.frames = String(this.viewer?.frames ?? 0);
   }
 

@@ -43,6 +43,9 @@ class Obstacles {
     this.elements = [];
     /** Number of the obstacle that is being added; -1: none. */
     this.expected = -1;
+    /** Whether a new obstacle is not in the 3D view yet. */
+    this.isNew = false;
+    store.on("arm", () => this.showNew());
     showList(store, this.link, { add: (type) => this.add(type), addMesh: (file) => this.addMesh(file) });
     store.on("mesh", (/** @type {File} */ file) => this.addMesh(file));
     store.on("view", () => this.place());
@@ -99,7 +102,7 @@ class Obstacles {
 
   /** Add an obstacle that stands on the plane next to the part, where no other obstacle is. @param {import("./obstacle_list.js").Body | null} body null: cancelled */
   put(body) {
-    const { box, view } = this.view;
+    const { box } = this.view;
     if (!body || !box) return;
     const { high, ...keys } = body;
     const [wide = 2 * (body.radius ?? this.side / 2), deep = wide] = body.size ?? [];
@@ -108,9 +111,6 @@ class Obstacles {
     // The new obstacle is selected, so that it can be placed.
     this.expected = this.store.document.obstacles.length;
     this.link.edit([{ do: "obstacle", action: "add", ...keys, at: this.lift(spot, high, 1e-3) }]);
-    const [u, v] = spot.map((x, k) => x - this.pointer.centre[k]);
-    view.fit({ left: Math.min(box.left, u - side), right: Math.max(box.right, u + side), bottom: Math.min(box.bottom, v - side), top: Math.max(box.top, v + side) });
-    this.view.moved();
   }
 
   /** Select a new obstacle when the document has it, and none that is no longer there. */
@@ -120,9 +120,17 @@ class Obstacles {
     if (this.expected >= 0 && count > this.expected) {
       const obstacle = this.expected;
       this.expected = -1;
+      this.isNew = true;
       return this.store.setView({ obstacle, tool: "obstacles", pen: "" });
     }
     if (options.obstacle >= count) this.store.setView({ obstacle: -1 });
+  }
+
+  /** Show a new obstacle in both views. */
+  showNew() {
+    if (!this.isNew) return;
+    this.isNew = false;
+    this.store.tell("fit");
   }
 
   /**

@@ -1,7 +1,7 @@
 // What is moved in space: the part, or the selected obstacle. Its fields are in one fixed place, and the gizmo of the 3D view drags it.
 
 import { Entry } from "./components.js";
-import { make } from "./dom.js";
+import { find, make } from "./dom.js";
 import { Gesture } from "./gesture.js";
 import { lengthIn, short } from "./format.js";
 import { oncePerFrame } from "./state.js";
@@ -132,6 +132,11 @@ export class Placing {
     this.gesture = null;
     this.box = make("div", { class: "place-box", role: "group", "aria-label": "Place" });
     toolBox().append(this.box);
+    // The keys of the tools work again after a value was typed.
+    this.box.addEventListener("keyup", (event) => {
+      const isDone = event.key === "Enter" || event.key === "Escape";
+      if (isDone && event.target instanceof HTMLInputElement) find(store.options.stage === "2d" ? "#view2d" : "#view3d canvas").focus();
+    });
     this.show = oncePerFrame(() => this.showNow());
     for (const event of ["document", "dropped", "link", "reset"]) store.on(event, () => this.answered());
     for (const event of ["view", "refusal", "picture", "units"]) store.on(event, this.show);
