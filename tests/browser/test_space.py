@@ -106,7 +106,7 @@ def grip(studio, axis):
 
 
 def origin_of(studio):
-    """Where the origin of the gizmo is on the page [px]: its arrows begin at 16 % of their length."""
+    """Where the origin of the gizmo is on the page [px]; arrows begin at 16 % of their length."""
     d = grip(studio, 2).locator(".target").get_attribute("d")
     ends = np.array(re.findall(r"([-\d.]+) ([-\d.]+)", d), dtype=float)
     box = studio.find("#view3d canvas").bounding_box()

@@ -31,9 +31,6 @@ export const seconds = (s) => fixed(s, 3);
 /** A time with its unit. @param {number} s @returns {string} */
 export const clockOf = (s) => `${short(s)} s`;
 
-/** Return the unit in which the page shows lengths, and its size [m]. @param {import("./state.js").Store} _store @returns {{unit: string, factor: number}} */
-export const lengthIn = (_store) => ({ unit: "mm", factor: 1e-3 });
-
 /** A length. @param {number | null | undefined} m @param {number} [decimals] @returns {string} mm */
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 

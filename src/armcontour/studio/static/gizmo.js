@@ -1,8 +1,9 @@
 // Gizmo of the 3D view: arrows along the axes and a ring, which move, raise and turn the part or an obstacle.
 
 import { draw, grip, make, mark, say } from "./dom.js";
-import { lengthIn, short } from "./format.js";
+import { short } from "./format.js";
 import { dragged } from "./gesture.js";
+import { lengthUnit } from "./length_unit.js";
 import { exact, NAMES, placingOf } from "./placing.js";
 import { oncePerFrame } from "./state.js";
 import { apply, cross, dot, length, minus, plus, poseOfColumns, rotate, unit } from "./vectors.js";
@@ -162,7 +163,7 @@ export class Gizmo {
   tell(event) {
     const { drag, label, placing, store } = this;
     if (!drag) return;
-    const { factor, unit: lengths } = lengthIn(store);
+    const { factor, unit: lengths } = lengthUnit();
     const by = exact(placing.values[drag.k] - drag.value);
     const number = short(drag.k < 3 ? by / factor : (by * 180) / Math.PI, 5);
     const text = `${NAMES[drag.k]} ${by > 0 ? "+" : ""}${number.replace("-", "−")} ${drag.k < 3 ? lengths : "°"}`;
@@ -231,7 +232,7 @@ export class Gizmo {
   }
 
   describe() {
-    const { factor, unit: lengths } = lengthIn(this.store);
+    const { factor, unit: lengths } = lengthUnit();
     this.placing.values.forEach((x, k) => {
       const number = short(exact(k < 3 ? x / factor : (x * 180) / Math.PI), 6);
       mark(this.grips[k].element, "aria-valuenow", number);

@@ -1,7 +1,8 @@
 // Measuring tool: two clicks in the drawing or in the 3D view. The first one measures a shape, the second one a distance.
 
 import { draw, make, mark } from "./dom.js";
-import { lengthIn, short } from "./format.js";
+import { short } from "./format.js";
+import { lengthUnit } from "./length_unit.js";
 import { oncePerFrame } from "./state.js";
 import { circleShape, circleThrough, lineShape, measure, pointShape, shapesOfSegments } from "./shapes.js";
 import { toolBox } from "./tool_strip.js";
@@ -144,10 +145,11 @@ export class Measure {
       const places = found ? ends : see(clicked.flatMap(({ kind, centre, points }) => (centre ? [centre] : kind === "point" ? points : [])));
       mark(marks.dots, "d", isShown ? dotsOf(places) : "");
       const at = found ? plus(ends[0], minus(ends[1], ends[0]), 0.5) : clicked.length ? see([middleOf(clicked[0])])[0] : null;
-      label.hidden = !isShown || !at || !Number.isFinite(at[0]);
+      const { clientWidth: width, clientHeight: height } = /** @type {HTMLElement} */ (label.parentElement);
+      const isInside = at !== null && at[0] >= 0 && at[1] >= 0 && at[0] <= width && at[1] <= height;
+      label.hidden = !isShown || !isInside;
       if (label.hidden || !at) continue;
       label.replaceChildren(make("b", { text: big }));
-      const { clientWidth: width, clientHeight: height } = /** @type {HTMLElement} */ (label.parentElement);
       const [left, top] = [[at[0] + ASIDE[0], width - label.offsetWidth], [at[1] + ASIDE[1], height - label.offsetHeight]].map(([x, most]) => Math.max(4, Math.min(x, most - 4)));
       label.style.transform = `translate(${left.toFixed(0)}px, ${top.toFixed(0)}px)`;
     }
@@ -163,7 +165,7 @@ export class Measure {
 
   /** @param {number} x m @returns {string} */
   long(x) {
-    const { factor, unit: name } = lengthIn(this.store);
+    const { factor, unit: name } = lengthUnit();
     return `${short(Math.abs(x) < 1e-9 ? 0 : x / factor, DIGITS).replace("-", "−")} ${name}`;
   }
 

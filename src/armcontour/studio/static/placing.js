@@ -3,7 +3,8 @@
 import { Entry } from "./components.js";
 import { find, make } from "./dom.js";
 import { Gesture } from "./gesture.js";
-import { lengthIn, short } from "./format.js";
+import { short } from "./format.js";
+import { lengthUnit } from "./length_unit.js";
 import { oncePerFrame } from "./state.js";
 import { toolBox } from "./tool_strip.js";
 import { column, compose, dot, IDENTITY, inverse, minus, plus, turned } from "./vectors.js";
@@ -193,14 +194,14 @@ export class Placing {
 
   /** Take a typed value. @param {number} k @param {string} text */
   type(k, text) {
-    const value = k < 3 ? readTyped(text, UNITS, lengthIn(this.store).factor) : readTyped(text, ANGLES);
+    const value = k < 3 ? readTyped(text, UNITS, lengthUnit().factor) : readTyped(text, ANGLES);
     if (Number.isFinite(value)) this.set(k, value);
     else this.store.tell("dropped", { head: { sentence: `${text} is not ${k < 3 ? "a length such as 12.5 or 12.5 mm" : "an angle such as 30 or 30 deg"}.` } });
   }
 
   /** @param {Size} size @param {string} text */
   resize(size, text) {
-    const value = readTyped(text, UNITS, lengthIn(this.store).factor);
+    const value = readTyped(text, UNITS, lengthUnit().factor);
     if (value >= LEAST) this.link.edit(size.edits(value));
     else this.store.tell("dropped", { head: { sentence: `${text} is not a length above 0, such as 12.5 or 12.5 mm.` } });
   }
@@ -210,7 +211,7 @@ export class Placing {
     box.hidden = !target;
     store.tell("placing");
     if (!target) return;
-    const { factor, unit } = lengthIn(store);
+    const { factor, unit } = lengthUnit();
     const texts = this.values.map((x, k) => short(exact(k < 3 ? x / factor : x / DEGREE), 7));
     const shown = [0, 1, ...(target.rises ? [2] : []), ...(target.turns ? [3] : [])];
     const outOfReach = this.gesture && store.refusal?.head.error === "Unreachable";
