@@ -107,8 +107,13 @@ def grip(studio, axis):
 
 def origin_of(studio):
     """Where the origin of the gizmo is on the page [px]; arrows begin at 16 % of their length."""
-    d = grip(studio, 2).locator(".target").get_attribute("d")
-    ends = np.array(re.findall(r"([-\d.]+) ([-\d.]+)", d), dtype=float)
+    arrow = grip(studio, 2).locator(".target")
+    # The view follows the first motion of a job.
+    before = ""
+    while before != arrow.get_attribute("d"):
+        before = arrow.get_attribute("d")
+        studio.page.wait_for_timeout(400)
+    ends = np.array(re.findall(r"([-\d.]+) ([-\d.]+)", before), dtype=float)
     box = studio.find("#view3d canvas").bounding_box()
     return [box["x"], box["y"]] + ends[0] - 0.16 / 0.84 * (ends[1] - ends[0])
 

@@ -69,7 +69,9 @@ export function partOf({ document }) {
   const position = column(at, 3);
   const isUpright = Math.abs(plane.normal[2]) === 1;
   const angle = isUpright ? yawOf(at) : 0;
-  const middle = plus(plus(plane.origin, plane.x, centre[0]), plane.y, centre[1]);
+  // A model without selected edges has no path, whose middle could be used.
+  const isBlank = Boolean(document.sentence);
+  const middle = isBlank ? position : plus(plus(plane.origin, plane.x, centre[0]), plane.y, centre[1]);
   const values = [...position, angle];
   /** @type {Target["change"]} */
   const change = (k, value, typed) => {
@@ -83,8 +85,8 @@ export function partOf({ document }) {
     const turn = (value - angle) * (isUpright ? Math.sign(plane.normal[2]) : 1);
     const away = minus(position, plane.origin);
     // The ring turns the part about its middle, as in the drawing; a typed angle is that of its frame, whose position stays.
-    const about = typed ? { about: [dot(away, plane.x), dot(away, plane.y)] } : {};
-    const pivot = typed ? position : middle;
+    const about = typed || isBlank ? { about: [dot(away, plane.x), dot(away, plane.y)] } : {};
+    const pivot = typed || isBlank ? position : middle;
     return { edits: [{ do: "place", turn, ...about }], values: [...plus(pivot, turned(minus(position, pivot), plane.normal, turn)), value] };
   };
   return {
