@@ -101,6 +101,13 @@ def millimetres(values):
     return numbers
 
 
+def rotation_by(angle):
+    """The rotation by an angle in the plane [rad], (2, 2)."""
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
 def grip(studio, axis):
     return studio.find(f".gizmo-grip[data-axis='{axis}']")
 
@@ -158,14 +165,14 @@ def test_ring_turns_the_part_about_its_middle_and_shift_is_fine(cell):
     angle = float(frame["rpy"][2].removesuffix(" deg"))
     assert angle != 0 and angle % 5 == 0
     # The middle of the rectangle stays, by the rotation of its frame.
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    turned = rotation_by(math.radians(angle))
     position = np.array(millimetres(frame["position"])[:2])
-    middle = position + np.array([[c, -s], [s, c]]) @ [30, 15]
+    middle = position + turned @ [30, 15]
     np.testing.assert_allclose(middle, [40, 27], atol=1e-9)
     with cell.changing():
         grip(cell, 3).press("Shift+ArrowUp")
-    turned = float(data_of(cell)["path"]["frame"]["rpy"][2].removesuffix(" deg"))
-    assert turned == pytest.approx(angle + 0.1, abs=1e-9)
+    finer = float(data_of(cell)["path"]["frame"]["rpy"][2].removesuffix(" deg"))
+    assert finer == pytest.approx(angle + 0.1, abs=1e-9)
 
 
 def test_typed_values_place_the_part_exactly(cell):

@@ -91,14 +91,16 @@ def test_distance_of_two_lines_is_the_smallest_one():
     )
     share = np.linspace(0, 1, 201)[:, None]
     for (a, b, c, d), x in zip(lines, found, strict=True):
-        first, second = a + share * (b - a), c + share * (d - c)
+        first = a + share * (b - a)
+        second = c + share * (d - c)
         sampled = np.linalg.norm(first[:, None] - second[None], axis=2).min()
         assert x["distance"] <= sampled + 1e-12
         assert x["distance"] == pytest.approx(sampled, abs=0.02)
         p, q = np.array(x["ends"])
         assert np.linalg.norm(q - p) == pytest.approx(x["distance"], abs=1e-12)
         np.testing.assert_allclose(x["components"], q - p, atol=1e-12)
-        u, v = (b - a) / np.linalg.norm(b - a), (d - c) / np.linalg.norm(d - c)
+        u = (b - a) / np.linalg.norm(b - a)
+        v = (d - c) / np.linalg.norm(d - c)
         assert x["angle"] == pytest.approx(math.acos(min(1.0, abs(u @ v))), abs=1e-6)
 
 

@@ -124,10 +124,11 @@ class Server:
         if session is None:
             raise RefusedRequest(503, "The Studio is still starting. Try again in a moment.")
         status = 200
-        use = {key: key in query for key in ("log", "mesh")}
-        opening = partial(session.open_upload, **use)
+        opening = partial(
+            session.open_upload, name, body, cell, unknown, log="log" in query, mesh="mesh" in query
+        )
         try:
-            answer = {"name": await asyncio.to_thread(opening, name, body, cell, unknown)}
+            answer = {"name": await asyncio.to_thread(opening)}
         except ArmContourError as error:
             from armcontour.report.message_frame import without_options
 

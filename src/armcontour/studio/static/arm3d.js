@@ -253,7 +253,8 @@ class ArmView {
     viewer?.alert(alarmed);
     // A model without selected edges is shown alone, and stays in view while its edges are picked.
     const hasModel = Boolean(viewer?.shownModel);
-    const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
+    // The arm and the bodies of a new job come after its motion.
+    const key = `${store.document?.id} ${arm.head.document} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
       // The buttons of the views, and the note, cover parts of the picture.

@@ -18,6 +18,8 @@ import { html, render } from "./vendor/preact.js";
 /** Distance within which a point, and a shape, is found, by a mouse and by a finger [px]. */
 const [NEAR_POINT, NEAR_SHAPE] = [9, 10];
 const FINGER = 2.2;
+/** With more shapes than this, none lights up at the pointer; clicks find them. */
+const MOST_HOVERED = 3000;
 /** Digits of a length in the shown unit. */
 const DIGITS = 6;
 const ASIDE = [14, -40]; // px
@@ -50,6 +52,7 @@ export class Measure {
       this.drawn = { frame, shapes: frame ? shapesOfSegments(frame.arrays, frame.head.count) : [] };
       this.soon();
     });
+    store.on("reset", () => (this.drawn = { frame: null, shapes: [] }));
     for (const event of ["picture", "time", "theme", "units"]) store.on(event, this.soon);
     store.on("escape", (/** @type {{taken: boolean}} */ key) => {
       if (key.taken || !this.isOn || this.clicked.length === 0) return;
@@ -83,10 +86,12 @@ export class Measure {
     host.append(label);
     const added = { ...view, marks, label };
     this.views.push(added);
+    let [x, y] = [0, 0];
+    const seek = oncePerFrame(() => this.hover(this.isOn && added.shapes().length < MOST_HOVERED ? this.nearest(added, x, y, 1) : null));
     ground.addEventListener("pointermove", (event) => {
       if (!this.isOn || /** @type {PointerEvent} */ (event).buttons) return;
-      const [x, y] = placeIn(ground, /** @type {PointerEvent} */ (event));
-      this.hover(this.find(added, x, y, isFinger(event)));
+      [x, y] = placeIn(ground, /** @type {PointerEvent} */ (event));
+      seek();
     });
     ground.addEventListener("pointerleave", () => this.hover(null));
     return added;
@@ -103,15 +108,14 @@ export class Measure {
   click(name, x, y, finger) {
     const view = this.views.find((found) => found.name === name);
     if (!this.isOn || !view) return false;
-    const shape = this.find(view, x, y, finger);
+    const shape = this.nearest(view, x, y, finger ? FINGER : 1) ?? surfacePoint(view, x, y);
     this.clicked = shape ? [...(this.clicked.length < 2 ? this.clicked : []), shape] : [];
     this.soon();
     return true;
   }
 
-  /** Return the shape at a place: a point if one is near, else a line or a circle. @param {View} view @param {number} x px @param {number} y px @param {boolean} finger @returns {Shape | null} */
-  find(view, x, y, finger) {
-    const factor = finger ? FINGER : 1;
+  /** Return the shape at a place: a point if one is near, else a line or a circle. @param {View} view @param {number} x px @param {number} y px @param {number} factor of the distances within which it is found @returns {Shape | null} */
+  nearest(view, x, y, factor) {
     let [nearest, away] = [/** @type {Shape | null} */ (null), NEAR_SHAPE * factor];
     let [point, least] = [/** @type {Vector | null} */ (null), NEAR_POINT * factor];
     for (const shape of view.shapes()) {
@@ -125,13 +129,14 @@ export class Measure {
       }
     }
     if (point) return pointShape(point);
-    if (nearest?.kind !== "curve") return nearest ?? surfacePoint(view, x, y);
+    if (nearest?.kind !== "curve") return nearest;
     return pointShape(onCurve(view, nearest, x, y));
   }
 
   /** Draw in all views what is measured. */
   draw() {
     const { isOn, clicked, views } = this;
+    if (!isOn && this.box.hidden) return;
     const found = clicked.length === 2 ? measure(clicked[0], clicked[1]) : null;
     const [big, small] = this.textsOf(found);
     for (const view of views) {
@@ -251,9 +256,6 @@ function placeIn(ground, event) {
   return [event.clientX - left, event.clientY - top];
 }
 
-/** @param {Event} event */
-const isFinger = (event) => /** @type {PointerEvent} */ (event).pointerType === "touch";
-
 /** @type {Measure | null} */
 let tool = null;
 
@@ -263,6 +265,9 @@ export function measureOf() {
   return tool;
 }
 
+/** Shapes of the last model, and from which frame and pose they are. @type {{frame: any, at: any, shapes: Shape[]}} */
+let ofModel = { frame: null, at: null, shapes: [] };
+
 /**
  * Return the shapes of the edges of a CAD model in the work frame.
  * @param {Store} store @returns {Shape[]}
@@ -271,12 +276,15 @@ export function modelShapes(store) {
   const frame = store.latest("model");
   const at = store.document?.model?.at;
   if (!frame || !at || frame.head.sentence) return [];
+  if (ofModel.frame === frame && ofModel.at === at) return ofModel.shapes;
   const { points, breaks } = frame.arrays;
-  return frame.head.edges.map((/** @type {any} */ edge, /** @type {number} */ k) => {
+  const shapes = frame.head.edges.map((/** @type {any} */ edge, /** @type {number} */ k) => {
     const line = [];
     for (let i = breaks[k]; i < breaks[k + 1]; i += 1) line.push(apply(at, Array.from(points.subarray(3 * i, 3 * i + 3))));
     return edgeShape(edge.kind, line);
   });
+  ofModel = { frame, at, shapes };
+  return shapes;
 }
 
 /** @param {string} kind @param {Vector[]} points @returns {Shape} */
