@@ -414,7 +414,7 @@ def test_one_tool_at_a_time_and_views_by_keys(cell):
         view = cell.find(f".arm-bar [data-view='{name}']")
         expect(view).to_have_attribute("aria-pressed", "true")
     # Escape leaves the selected contour first, then the tool.
-    keyboard.press("n")
+    keyboard.press("]")
     keyboard.press("m")
     keyboard.press("Escape")
     expect(tools.get_by_role("button", name="Measure")).to_have_attribute("aria-pressed", "true")

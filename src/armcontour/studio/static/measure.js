@@ -6,6 +6,7 @@ import { lengthUnit } from "./length_unit.js";
 import { oncePerFrame } from "./state.js";
 import { circleShape, circleThrough, lineShape, measure, pointShape, shapesOfSegments } from "./shapes.js";
 import { toolBox } from "./tool_strip.js";
+import { inches } from "./units.js";
 import { apply, column, compose, dot, IDENTITY, inverse, length, minus, plus, rotate, unit } from "./vectors.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -53,7 +54,8 @@ export class Measure {
       this.soon();
     });
     store.on("reset", () => (this.drawn = { frame: null, shapes: [] }));
-    for (const event of ["picture", "time", "theme", "units"]) store.on(event, this.soon);
+    for (const event of ["picture", "time", "theme"]) store.on(event, this.soon);
+    inches.subscribe(this.soon);
     store.on("escape", (/** @type {{taken: boolean}} */ key) => {
       if (key.taken || !this.isOn || this.clicked.length === 0) return;
       key.taken = true;

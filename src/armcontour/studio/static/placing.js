@@ -7,6 +7,7 @@ import { short } from "./format.js";
 import { lengthUnit } from "./length_unit.js";
 import { oncePerFrame } from "./state.js";
 import { toolBox } from "./tool_strip.js";
+import { inches } from "./units.js";
 import { column, compose, dot, IDENTITY, inverse, minus, plus, turned } from "./vectors.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -142,7 +143,8 @@ export class Placing {
     });
     this.show = oncePerFrame(() => this.showNow());
     for (const event of ["document", "dropped", "link", "reset"]) store.on(event, () => this.answered());
-    for (const event of ["view", "refusal", "picture", "units"]) store.on(event, this.show);
+    for (const event of ["view", "refusal", "picture"]) store.on(event, this.show);
+    inches.subscribe(this.show);
   }
 
   /** What is placed: the selected obstacle, or the part with its tool. @returns {Target | null} */

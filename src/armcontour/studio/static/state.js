@@ -39,7 +39,7 @@
  * @property {string} pen          the shape that is drawn; "" for none
  * @property {Tool} tool          what a click or a drag does; a pen replaces it
  * @property {number} obstacle      the selected obstacle, by its number in the job file; -1: none
- * @property {"planned" | "executed"} time   which motion is played
+ * @property {"both" | "planned" | "executed"} time   which motion is played; both: the planned one, and the executed tool beside it
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
@@ -58,7 +58,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   pen: "",
   tool: "select",
   obstacle: -1,
-  time: "planned",
+  time: "both",
   // Side by side, the views need a wide page.
   stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
   tab: "charts",

@@ -82,7 +82,7 @@ export function init(store) {
   store.on("view", () => (box.dataset.stage = store.options.stage));
   box.dataset.stage = store.options.stage;
   window.addEventListener("keydown", (event) => {
-    const isOurs = event.key === "Escape" && !event.defaultPrevented && !document.querySelector("dialog[open], [popover]:popover-open");
+    const isOurs = event.key === "Escape" && !event.defaultPrevented && !document.querySelector("dialog[open], [popover]:popover-open, [data-drawer=open]");
     if (!isOurs || (event.target instanceof Element && event.target.matches("textarea, select, input:not([type=range])"))) return;
     event.preventDefault();
     escape(store);
