@@ -90,6 +90,18 @@ def test_a_collision_is_refused_with_its_position(square):
     assert "post" in frame.header["sentence"]
     assert abs(frame.header["at"]["uv"] - np.array([0.1, 0.1])).max() < 0.02
     assert frame.header["at"]["t"] >= 0
+    contacts = frame.header["contacts"]
+    first = contacts[0]
+    assert first["t"] == frame.header["at"]["t"]
+    assert {first["first"], first["second"]} == set(frame.header["bodies"])
+    assert [x["t"] for x in contacts] == sorted(x["t"] for x in contacts)
+    # At the stated joint positions, the tool is where the square begins.
+    arm = parse_job(yaml.safe_dump({**square, "scene": {}}, sort_keys=False)).arm
+    tool = arm.tool_position(np.array([first["q"]]))[0]
+    assert contacts[0]["t"] == 0 and np.abs(tool).max() < 1e-9
+    # The nearest points are in the frame of the floor, in which the part is at (0.4, -0.05, 0.2).
+    away = np.array(first["points"]) - [0.5, 0.05, 0.2]
+    assert np.linalg.norm(away, axis=1).max() < 0.1
     # Data that make no job are refused as well.
     del square["servo"]
     frame = ask("figures", square, "optimal")
