@@ -52,17 +52,12 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
+# Share of a limit that margins may take. The time that they cost is part of the estimated loss of
+# time.
+MAX_MARGIN = 0.2
 # A grid that fails is refined where the margin for maxima inside intervals exceeds this share of a
 # limit.
 LARGEST_MARGIN = 3e-3
-# Share of a limit that margins may take on the first grid. The time that they cost is part of the
-# estimated loss of time.
-FIRST_MARGIN = 2e-2
-# The share of a limit that margins may take grows by this factor with each refinement, because a
-# finer grid is expensive with thousands of corners.
-MARGIN_GROWTH = 2.0
-# Largest share of a limit that margins may take after refinements.
-LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
 MAX_REFINEMENTS = 20
 # The default grid is also refined while the estimated loss of time exceeds this share of the
@@ -81,8 +76,8 @@ MAX_PARTS_AT_ONCE = 16
 # Largest number of steps in which the numbers of parts are found.
 PART_SEARCHES = 8
 # A refinement aims at this fraction of the largest loss, so that it is not repeated for a loss that
-# is slightly too large.
-LOSS_TARGET = 0.55
+# is slightly too large: the loss of a refined grid is at most 1.4 times the one expected.
+LOSS_TARGET = 0.7
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
@@ -257,13 +252,12 @@ def time_optimal(
     rests = rests_at_ends(grid.joint_path.coefficients, VANISHED)
     start = math.inf if start_speed == 0 and rests[0] else start_speed**2
     end = math.inf if end_speed == 0 and rests[1] else end_speed**2
-    max_margin = FIRST_MARGIN
-    rules = Rules(start, end, max_margin, estimates_loss=largest_loss < math.inf)
+    rules = Rules(start, end, MAX_MARGIN, estimates_loss=largest_loss < math.inf)
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
     first = len(grid)
-    for k in range(MAX_REFINEMENTS):
+    for _ in range(MAX_REFINEMENTS):
         path = SampledJointPath(grid)
         limits = _add_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
@@ -290,11 +284,10 @@ def time_optimal(
             _refuse(grid, grid_plan, arm, rules)
         most = max(_affordable_intervals(limits), 2 * first)
         parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
-        if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
+        if parts.sum() == len(grid):
             break
         grid = split(grid, parts)
-        max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)
-        rules = rules._replace(max_margin=max_margin, steady=0.0)
+        rules = rules._replace(steady=0.0)
     if best is not None:
         return _make_law(*best)
     raise NotRealizable(
