@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
-from armcontour.core.simd import LANES, higher, highest, load, lower, lowest
+from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest
 from armcontour.planning.topp.friction_rows import MIN_DIVISOR
 from armcontour.planning.topp.limit_forms import GridLimits, Intervals, MotionBounds
 from armcontour.planning.topp.limit_lines import INSIDE_FACTOR, LimitLines, write_interval_limits
@@ -26,6 +26,10 @@ FAR_STEP_ROUNDING = 1e-12
 RANGE_ROUNDING = 1e-9
 # Newton steps to the largest x of an interval.
 MAX_NEWTON_STEPS = 100
+# Numbers of the lanes of a vector.
+LANE_NUMBERS = np.arange(float(LANES))
+# A number above them, for a lane that is not chosen.
+NO_LANE = float(LANES)
 
 
 class Passes(NamedTuple):
@@ -108,22 +112,28 @@ def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
     table = lines.table
     count = lines.width
     slot = i & (len(lines.slot_interval) - 1)
+    first = 3 * count * slot
     low = -math.inf
     high = math.inf
+    low_tilt = 0.0
+    high_tilt = 0.0
     below = -1
-    above = -1
-    for k in range(3 * count * slot, 3 * count * slot + count):
-        moved = table[k] * x
-        bottom = table[k + count] - moved
-        top = table[k + 2 * count] - moved
-        if top < high:
-            high = top
-            above = k
+    numbers = load(LANE_NUMBERS, 0)
+    for line in range(first, first + count, LANES):
+        tilted = x * load(table, line)
+        bottoms = load(table, line + count) - tilted
+        tops = load(table, line + 2 * count) - tilted
+        bottom = highest(bottoms)
+        top = lowest(tops)
         if bottom > low:
             low = bottom
-            below = k
-    low_tilt = table[below] if below >= 0 else 0.0
-    high_tilt = table[above] if above >= 0 else 0.0
+            lane = int(lowest(choose(bottoms, low, NO_LANE, numbers)))
+            below = line - first + lane
+            low_tilt = table[line + lane]
+        if top < high:
+            high = top
+            lane = int(lowest(choose(high, tops, NO_LANE, numbers)))
+            high_tilt = table[line + lane]
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
@@ -137,7 +147,7 @@ def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
             low = bottom
             low_tilt = p + tilt
             below = -1
-    return _MeanRange(low, high, low_tilt, high_tilt, below - 3 * count * slot)
+    return _MeanRange(low, high, low_tilt, high_tilt, below)
 
 
 @compiled(inner=True)
