@@ -71,8 +71,8 @@ MAX_REFINEMENTS = 20
 # duration. Shaping needs this accuracy, because it compares candidates by their durations. The
 # median of the estimate is twice the loss, on 200 to 20,000 intervals.
 LARGEST_LOSS = 3e-5
-# The same share for a grid of a requested number of intervals, multiplied by this number: it is
-# 1e-4 for 4000 intervals.
+# The same share for a grid of a requested number of intervals, multiplied by this number. TOPP-RA
+# loses more on as many intervals.
 LARGEST_LOSS_OF_ONE_INTERVAL = 1.0
 # Largest number of intervals of the plan from which the search with limits of jerk starts, unless
 # this many for each piece of the joint path are more.
