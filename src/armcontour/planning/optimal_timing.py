@@ -56,14 +56,14 @@ from armcontour.robot.limits import or_unlimited
 # Largest share of a limit that margins may take, on the first grid and after all refinements. The
 # time that they cost is part of the estimated loss of time.
 MAX_MARGIN = 0.2
-# The same share on the first grid if the loss of time is not estimated. Then the grid is finer where
-# the joints turn fast, which also gives the search with limits of jerk better cells.
+# The same share on the first grid if the loss of time is not estimated. The grid is then finer
+# where the joints turn fast, which also gives the search with limits of jerk better cells.
 MARGIN_WITHOUT_ESTIMATE = 2e-2
 # A grid that fails is refined where the margin for maxima inside intervals exceeds this share of a
 # limit.
 LARGEST_MARGIN = 3e-3
-# After such a refinement, the share of a limit that margins may take is twice that. It grows by this
-# factor with each further one, because a finer grid is expensive with thousands of corners.
+# After such a refinement, the share of a limit that margins may take is twice that. It grows by
+# this factor with each further one, because a finer grid is expensive with thousands of corners.
 MARGIN_GROWTH = 2.0
 # Largest number of refinements of the grid.
 MAX_REFINEMENTS = 20
