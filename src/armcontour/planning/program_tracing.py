@@ -282,6 +282,9 @@ class _Tracer:
     done: int = 0  # Number of traced contours
     # Joint paths of later moves that are already traced, by the index of the move
     ahead: dict[int, JointPath] = field(default_factory=dict)
+    # Joint paths of the trials of `_look_ahead`, by the index of the move and the joint positions
+    # from which they continue, as bytes. All trials and the tracing itself share them.
+    tried: dict[tuple[int, bytes], JointPath] = field(default_factory=dict)
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
@@ -371,7 +374,13 @@ class _Tracer:
         if orientation is not None and orientation.cone > 0.0:
             # The tool may lean in several ways, which differ in duration and clearance.
             return self._fastest(path, i, q)
-        return trace(path, self.arm, **configuration_of(self.arm, q))
+        key = (i, q.tobytes())
+        if key not in self.tried:
+            joint_path = trace(path, self.arm, **configuration_of(self.arm, q))
+            if self.looks_ahead:
+                return joint_path
+            self.tried[key] = joint_path
+        return self.tried[key]
 
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
@@ -441,6 +450,7 @@ class _Tracer:
         """Sort equally fast joint paths of move i by the shortest duration of the next moves."""
         if len(joint_paths) == 1 or not self.looks_ahead:
             return joint_paths
+        self.tried.clear()
         durations = np.array([self._look_ahead(x, i) for x in joint_paths])
         durations[durations <= durations.min() * (1 + EQUALLY_FAST)] = durations.min()
         return [joint_paths[k] for k in np.argsort(durations, kind="stable")]
