@@ -120,7 +120,7 @@ def find_solutions(
     redundant = task < arm.dof
     # The whole path decides on the postures of a cell. An arm without external axes has little
     # room to move, so following is enough in most cases.
-    if redundant and has_graph(arm) and arm.dof > ARM_JOINTS:
+    if redundant and arm.dof > ARM_JOINTS and has_graph(arm):
         collected.search(starts)
     if not collected.solutions:
         if starts is None:
@@ -131,7 +131,8 @@ def find_solutions(
             # Starts that turn the tool down come first.
             starts = starts[np.argsort(angles_to_gravity(arm, starts), kind="stable")]
         collected.follow(poses, starts[:MAX_STARTS])
-    if redundant and not collected.solutions and has_graph(arm) and arm.dof == ARM_JOINTS:
+    no_solution = redundant and not collected.solutions
+    if no_solution and arm.dof == ARM_JOINTS and has_graph(arm):
         collected.search(None if seed is None else starts)
     solutions = collected.solutions
     if not solutions:
