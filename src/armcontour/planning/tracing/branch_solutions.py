@@ -221,6 +221,10 @@ def _with_costs(
             stations=stations,
             start_stays=seed is not None,
         )
+        if len(index) == len(s):
+            # A short path has a station at each knot.
+            yield from smoothed
+            continue
         for q, (changed, cost) in zip(group, smoothed, strict=True):
             change = interpolate_monotone(
                 stations.place, (changed - q[index])[None], stations.measure
