@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Self
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
