@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
+from armcontour.geometry.projection import pack_segments
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.motion import Execution, FineMotion, Span
 from armcontour.program import Program
@@ -106,7 +107,13 @@ class ContourExecution:
     @cached_property
     def followed_objective(self) -> Followed | None:
         """Path points of the samples on the objective path; None if the objective is unknown."""
-        return None if self.objective is None else self._follow(self.objective, self.objective_work)
+        if self.objective is None:
+            return None
+        if self.objective_work == self.work:
+            geometry = pack_segments(self.objective.segments)
+            if np.array_equal(geometry, self.followed.geometry):
+                return self.followed
+        return self._follow(self.objective, self.objective_work)
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
         """Determine the path points of the samples on a path."""
@@ -121,10 +128,15 @@ class ContourExecution:
             side = _side(self.path, self.followed, self.tool)
         return self._path_profile(self.followed, side)
 
+    @cached_property
+    def coverage_search(self) -> CoverageSearch:
+        """Search for the path point that is farthest from the tool."""
+        return self._coverage_search(self.path, self.work, self.followed, self.contour_error)
+
     @property
     def coverage_error(self) -> Coverage:
         """Largest distance from the path to the tool [m]."""
-        return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
+        return self.coverage_search.largest
 
     def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
         """Return tool speed / assigned velocity, (n,); arguments as of `measure_speed_ratios`."""
@@ -151,26 +163,46 @@ class ContourExecution:
     def objective_error(self) -> ErrorProfile | None:
         """Profile of the distance from the tool to the objective path [m]; None if unknown."""
         followed = self.followed_objective
-        return None if followed is None else self._path_profile(followed)
+        if followed is None:
+            return None
+        if self._drawn_as_planned:
+            return replace(self.contour_error, signed=None)
+        return self._path_profile(followed)
 
     @cached_property
-    def objective_coverage_error(self) -> Coverage | None:
-        """Largest distance from the objective path to the tool [m]; None if unknown."""
+    def objective_search(self) -> CoverageSearch | None:
+        """Search for the point of the objective path that is farthest from the tool."""
         followed = self.followed_objective
         error = self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
+        if self._drawn_as_planned:
+            return self.coverage_search
         work = self.objective_work or (0.0, self.objective.length)
-        return self._find_coverage_error(self.objective, work, followed, error)
+        return self._coverage_search(self.objective, work, followed, error)
+
+    @property
+    def objective_coverage_error(self) -> Coverage | None:
+        """Largest distance from the objective path to the tool [m]; None if unknown."""
+        search = self.objective_search
+        return None if search is None else search.largest
 
     @property
     def drawing_error(self) -> ErrorProfile | Coverage | None:
         """The larger of `objective_error` and `objective_coverage_error`; None if unknown."""
         error = self.objective_error
-        coverage = self.objective_coverage_error
-        if error is None or coverage is None:
+        search = self.objective_search
+        if error is None or search is None:
             return None
+        if search.bound <= error.max:
+            return error
+        coverage = search.largest
         return error if error.max >= coverage.max else coverage
+
+    @property
+    def _drawn_as_planned(self) -> bool:
+        """Whether the objective path is the path, so that both have the same errors."""
+        return self.followed_objective is self.followed
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -232,10 +264,10 @@ class ContourExecution:
         largest = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
         return np.asarray(np.maximum(best, largest))
 
-    def _find_coverage_error(
+    def _coverage_search(
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
-    ) -> Coverage:
-        """Find the point of a path within `work` that is farthest from the tool.
+    ) -> CoverageSearch:
+        """Prepare the search for the point of a path within `work` that is farthest from the tool.
 
         - `work`: arc lengths between which the point may be [m].
         - `followed`: path points of the tool on this path.
@@ -250,13 +282,16 @@ class ContourExecution:
             guessed = (np.abs(arc_lengths - followed.s) > ERROR_ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
         i = int(np.argmax(exact))
-        largest = Coverage(
+        sampled = Coverage(
             max=max(0.0, float(exact[i])),
             t_max=float(self.t[i]),
             s_max=float(arc_lengths[i]) + self.offset,
         )
         if not self._has_fine_motion:
-            return largest
+            candidates = list[tuple[float, int, float]]()
+            return CoverageSearch(
+                piece=self, path=path, distances=distances, sampled=sampled, candidates=candidates
+            )
         rows = np.flatnonzero(guessed)
         bounds = (distances + self._sagitta)[rows]
         # If the path points of two successive samples are on one segment, each point between them
@@ -269,23 +304,21 @@ class ContourExecution:
         )
         on_one_segment &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
         bounds[on_one_segment] = np.minimum(bounds[on_one_segment], error.max)
-        rows = rows[bounds > largest.max]
-        bounds = bounds[bounds > largest.max].tolist()
+        rows = rows[bounds > sampled.max]
+        bounds = bounds[bounds > sampled.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
         # The path point with the largest contour error is a candidate too, because its distance
         # from the tool's motion may be equally large.
         candidates = [(error.max, nearest, error.s_max - self.offset)]
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
-        for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
-            if bound > largest.max * (1 + PEAK_EXCESS) and work[0] <= s <= work[1]:
-                value, t = self._distance_to_motion(path([s])[0], k)
-                # Outside of the piece the tool may come nearer; `distances` includes the samples
-                # there.
-                inside = self.t[0] < t < self.t[-1]
-                value = min(value, bound if inside else max(float(distances[k]), 0.0))
-                if value > largest.max:
-                    largest = Coverage(max=value, t_max=t, s_max=s + self.offset)
-        return largest
+        inside = [x for x in candidates if work[0] <= x[2] <= work[1]]
+        return CoverageSearch(
+            piece=self,
+            path=path,
+            distances=distances,
+            sampled=sampled,
+            candidates=sorted(inside, key=lambda x: -x[0]),
+        )
 
     @property
     def _has_fine_motion(self) -> bool:
@@ -302,7 +335,7 @@ class ContourExecution:
         """Tool travel from the first sample to each sample [m], (n,)."""
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
-    def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
+    def distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
         """Return the distance from a point to the motion near sample i [m], and a time [s].
 
         - `point`: position, (dimension,) [m].
@@ -390,6 +423,68 @@ class ContourExecution:
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
         return followed.near(tool, (low, high), float(followed.distance[ends].max()))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverageSearch:
+    """Search for the point of a path that is farthest from the tool (coverage error).
+
+    Args:
+        piece: The execution of the contour.
+        path: The path.
+        distances: Distance from the path to the tool between each sample and the next, for straight
+            tool motion between samples [m], (n,).
+        sampled: Largest known distance.
+        candidates: Points whose distance may be larger: bound of the distance [m], index of a
+            sample near the point, and its arc length [m]; the largest bound first.
+    """
+
+    piece: ContourExecution
+    path: Path
+    distances: FloatArray
+    sampled: Coverage
+    candidates: list[tuple[float, int, float]]
+
+    @property
+    def bound(self) -> float:
+        """Bound of the largest distance [m], known without measuring candidates."""
+        return max(self.sampled.max, self.candidates[0][0] if self.candidates else 0.0)
+
+    @cached_property
+    def largest(self) -> Coverage:
+        """The largest distance."""
+        piece = self.piece
+        largest = self.sampled
+        for bound, k, s in self.candidates:
+            if bound <= largest.max * (1 + PEAK_EXCESS):
+                break
+            value, t = piece.distance_to_motion(self.path([s])[0], k)
+            value = min(value, bound)
+            if not piece.t[0] < t < piece.t[-1]:
+                # Outside of the piece the tool may come nearer; `distances` includes the samples
+                # there.
+                value = min(value, max(float(self.distances[k]), 0.0))
+            if value > largest.max:
+                largest = Coverage(max=value, t_max=t, s_max=s + piece.offset)
+        return largest
+
+
+def largest_coverage(searches: Sequence[CoverageSearch]) -> Coverage:
+    """Return the largest coverage error of several pieces; the first piece with it counts.
+
+    Only pieces whose bound is at least the largest error found so far are measured.
+    """
+    order = sorted(range(len(searches)), key=lambda i: -searches[i].bound)
+    best = searches[order[0]].largest
+    first = order[0]
+    for i in order[1:]:
+        if searches[i].bound < best.max:
+            break
+        found = searches[i].largest
+        if found.max > best.max or (found.max == best.max and i < first):
+            best = found
+            first = i
+    return best
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:

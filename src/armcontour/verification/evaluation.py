@@ -26,7 +26,9 @@ from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_errors import (
     ContourExecution,
     CornerDeviation,
+    CoverageSearch,
     evaluated_times,
+    largest_coverage,
     settling_time,
     split_by_contour,
 )
@@ -325,11 +327,11 @@ def evaluate(
         settled=settling_time(executed, executed.tool_speed),
         end_time=end,
         contour_error=ErrorProfile.join(contour_errors),
-        coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
+        coverage_error=largest_coverage([x.coverage_search for x in pieces]),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
-        objective_coverage_error=_largest_coverage([x.objective_coverage_error for x in pieces]),
+        objective_coverage_error=_largest_known([x.objective_search for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_join_corners(pieces, is_program=is_program),
         contours=contour_errors,
@@ -351,10 +353,10 @@ def evaluate(
     )
 
 
-def _largest_coverage(errors: Sequence[Coverage | None]) -> Coverage | None:
-    """Return the largest of the coverage errors that are not None; None if all are None."""
-    known = [x for x in errors if x is not None]
-    return max(known, key=lambda x: x.max, default=None)
+def _largest_known(searches: Sequence[CoverageSearch | None]) -> Coverage | None:
+    """Return the largest coverage error of the searches that are not None; None if all are."""
+    known = [x for x in searches if x is not None]
+    return largest_coverage(known) if known else None
 
 
 def _largest_ratio(speed_ratios: Sequence[FloatArray]) -> float:
