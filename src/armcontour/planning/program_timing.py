@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
-from armcontour.core.progress import Progress, Step
+from armcontour.core.progress import Progress, contour_step
 from armcontour.motion import (
     JointPath,
     Law,
@@ -81,7 +81,7 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
             joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
-                progress(Step(("timing",), number / count))
+                progress(contour_step("timing", number, count))
     return joined.trajectory()
 
 

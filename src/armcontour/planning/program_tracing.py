@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
-from armcontour.core.progress import Progress, Step
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.orientation import Orientation
@@ -254,7 +254,7 @@ def trace_program(
     for i, move in enumerate(program.moves):
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
-            progress(Step(("tracing",), tracer.done / len(contours)))
+            progress(contour_step("tracing", tracer.done, len(contours)))
     return Tracing(
         program=program, steps=tuple(tracer.steps), faster_rejected=tracer.faster_rejected
     )

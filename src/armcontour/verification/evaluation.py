@@ -12,6 +12,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
@@ -278,6 +279,7 @@ def evaluate(
     limits: Limits | None = None,
     end_time: Interval | None = None,
     limit_use: bool = False,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """Evaluate an execution against its path.
 
@@ -301,6 +303,7 @@ def evaluate(
             tool speed stays below 1 mm/s. Not allowed for a program of more than one path.
         limit_use: Compute `time_at_limit` and `limit_ratios`, which takes longer than all errors
             together. If False, they are None.
+        progress: Called after every contour with the step "evaluation" and the fraction done.
 
     Raises:
         InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
@@ -317,8 +320,14 @@ def evaluate(
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     _, end = evaluated_times(executed, end_time)
     pieces = split_by_contour(executed, program, drawn, end_time)
-    contour_errors = tuple(x.contour_error for x in pieces)
-    drawing_errors = tuple(y for piece in pieces if (y := piece.drawing_error) is not None)
+    contour_errors = []
+    drawing_errors = []
+    for k, piece in enumerate(pieces, start=1):
+        contour_errors.append(piece.contour_error)
+        if (drawing_error := piece.drawing_error) is not None:
+            drawing_errors.append(drawing_error)
+        if progress is not None:
+            progress(contour_step("evaluation", k, len(pieces)))
     speed_ratios = [x.speed_ratios(bounds.speed) for x in pieces]
     jerk = executed_jerk(executed)
     is_program = program.single_path is None
@@ -334,8 +343,8 @@ def evaluate(
         objective_coverage_error=_largest_known([x.objective_search for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_join_corners(pieces, is_program=is_program),
-        contours=contour_errors,
-        drawing_errors=drawing_errors,
+        contours=tuple(contour_errors),
+        drawing_errors=tuple(drawing_errors),
         speed=max(float(x.speed.max()) for x in pieces),
         rapid_speed=tool_speeds(executed).rapids,
         speed_ratio=_largest_ratio(speed_ratios),
