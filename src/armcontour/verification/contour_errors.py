@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
-from armcontour.geometry.projection import pack_segments
+from armcontour.geometry.projection import pack_segments, pad_to_space
 from armcontour.geometry.segments import TANGENT_TOLERANCE
-from armcontour.motion import Execution, FineMotion, Span
+from armcontour.motion import Execution, Span
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.verification.error_profile import (
@@ -27,12 +27,17 @@ from armcontour.verification.error_profile import (
     ErrorProfile,
     Followed,
     Hidden,
-    Measure,
+    Peak,
+    Search,
     find_peak,
     follow_path,
     maximize_smooth,
     orientation_angles,
+    search_measured,
 )
+
+if TYPE_CHECKING:
+    from armcontour.verification.peak_search import ToolPath
 
 # Errors [m or rad] and arc lengths [m] at n times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
@@ -222,7 +227,8 @@ class ContourExecution:
             return orientation_angles(orientation, s, turned), s
 
         angle = orientation_angles(orientation, self.followed.s, arm.pose(self.q)[1])
-        return replace(self._over_time(angle, self.followed.s, measure), angular=True)
+        search = partial(search_measured, measure)
+        return replace(self._over_time(angle, self.followed.s, search), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
@@ -350,9 +356,18 @@ class ContourExecution:
         low = min(low, i)
         high = max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
-        # Squared distances are smooth, even where the tool passes through the point.
-        squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
-        return float(np.sqrt(-squares[0])), float(self.t[k])
+        square = float(dot(self.tool[k] - point, self.tool[k] - point))
+        # The intervals before and after the sample.
+        before = np.unique(np.clip([k - 1, k], 0, len(self.t) - 2))
+        motion = self._tool_motion(before + self.samples.start)
+        if motion is not None:
+            from armcontour.verification.peak_search import nearest_between
+
+            position = pad_to_space(point[None])[0]
+            begins = self.t[before]
+            ends = self.t[before + 1]
+            square = min(square, nearest_between(motion, position, begins, ends))
+        return float(np.sqrt(square)), float(self.t[k])
 
     def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
         """Return the profile of the distances from the tool to a path [m].
@@ -360,12 +375,20 @@ class ContourExecution:
         - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,); None in space.
         """
 
-        def measure(i: int, t: FloatArray) -> Errors | None:
-            """Return errors and arc lengths at times after sample i, (n,) each."""
-            q = self._between(i, t)
-            if q is None:
+        def search(i: int, begin: float, end: float, best: float) -> Peak | None:
+            """Find a distance above `best` [m] between two times after sample i [s]."""
+            from armcontour.verification.peak_search import search_interval
+
+            motion = self._tool_path(i)
+            if motion is None:
                 return None
-            return self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
+            ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
+            low, high = sorted(followed.s[ends].tolist())
+            distance_bound = float(followed.distance[ends].max())
+            found = search_interval(
+                motion, followed.geometry, low, high, distance_bound, begin, end, best
+            )
+            return Peak(found.t, found.value, found.s) if found.found else None
 
         hidden = None
         if self._has_fine_motion:
@@ -373,13 +396,13 @@ class ContourExecution:
             # the tool's step.
             sharp = np.flatnonzero(followed.turns(SHARP_TURN) > SHARP_TURN)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
-        return self._over_time(followed.distance, followed.s, measure, side, hidden)
+        return self._over_time(followed.distance, followed.s, search, side, hidden)
 
     def _over_time(
         self,
         values: FloatArray,
         s: FloatArray,
-        measure: Measure | None = None,
+        search: Search | None = None,
         side: FloatArray | None = None,
         hidden: Hidden | None = None,
     ) -> ErrorProfile:
@@ -387,16 +410,16 @@ class ContourExecution:
 
         - `values`: errors at the samples [m or rad], (n,).
         - `s`: arc lengths of the path points of the samples [m], (n,).
-        - `measure`: measures the error between samples; None to use samples only.
+        - `search`: searches the error between samples; None to use samples only.
         - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,).
         - `hidden`: intervals in which the error may have a peak that no sample shows.
         """
         peak = None
-        if self._has_fine_motion and measure is not None:
+        if self._has_fine_motion and search is not None:
             start_time = float(self.t[0]) if self.start_time is None else self.start_time
             end_time = min(self.end_time, float(self.executed.t[-1]))
             peak = find_peak(
-                self.t, values, measure, start_time=start_time, end_time=end_time, hidden=hidden
+                self.t, values, search, start_time=start_time, end_time=end_time, hidden=hidden
             )
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
@@ -406,16 +429,44 @@ class ContourExecution:
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
         """Return q at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
-        if i not in self._fine:
-            index = self.samples.start + i
-            inside = 0 <= index < len(self.executed.t) - 1
-            self._fine[i] = self.executed.between(np.array([index])) if inside else None
-        fine = self._fine[i]
+        index = self.samples.start + i
+        inside = 0 <= index < len(self.executed.t) - 1
+        fine = self.executed.between(np.array([index])) if inside else None
         return None if fine is None else fine(t)
 
+    def _tool_path(self, i: int) -> ToolPath | None:
+        """Return the tool motion from sample i to the next; None if unknown."""
+        if i not in self._paths:
+            index = self.samples.start + i
+            inside = 0 <= index < len(self.executed.t) - 1
+            self._paths[i] = self._tool_motion(np.array([index])) if inside else None
+        return self._paths[i]
+
+    def _tool_motion(self, indices: IntArray) -> ToolPath | None:
+        """Return the tool motion from samples of the execution to the next; None if unknown.
+
+        - `indices`: indices of the samples in the execution, increasing, (m,).
+        """
+        from armcontour.verification.peak_search import ToolPath
+
+        fine = self.executed.between(indices)
+        if fine is None:
+            return None
+        arm = self.executed.arm
+        none = np.empty((0, fine.q.shape[1]))
+        return ToolPath(
+            t=kernel_array(fine.t),
+            q=kernel_array(fine.q),
+            before=kernel_array(fine.before),
+            after=kernel_array(fine.after),
+            ddq=none if fine.ddq is None else kernel_array(fine.ddq),
+            links=arm.link_table,
+            dimension=arm.dimension,
+        )
+
     @cached_property
-    def _fine(self) -> dict[int, FineMotion | None]:
-        """Cache: index of a sample in the piece -> motion to the next sample."""
+    def _paths(self) -> dict[int, ToolPath | None]:
+        """Cache: index of a sample in the piece -> tool motion to the next sample."""
         return {}
 
     def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:

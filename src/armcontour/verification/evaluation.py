@@ -222,9 +222,11 @@ def tool_speeds(motion: Execution) -> ToolSpeeds:
     if not trajectory.spans:
         return ToolSpeeds(work=float(speed.max()), rapids=None)
     at_work = np.zeros(len(speed), dtype=np.bool_)
-    for span in trajectory.contour_spans:
-        begin, end = span.work or span.t
-        at_work |= (motion.t >= begin) & (motion.t <= end)
+    work = np.array([span.work or span.t for span in trajectory.contour_spans])
+    first = np.searchsorted(motion.t, work[:, 0])
+    last = np.searchsorted(motion.t, work[:, 1], side="right")
+    for begin, end in zip(first.tolist(), last.tolist(), strict=True):
+        at_work[begin:end] = True
     elsewhere = ~at_work & (motion.t >= 0) & (motion.t <= trajectory.duration)
     return ToolSpeeds(
         work=float(speed[at_work].max(initial=0.0)),
