@@ -557,16 +557,16 @@ class Trajectory(Checked):
         times = self._clip_times(t, checks.derivative(order, 2))
         self._check_arc_length()
         t = times.ravel()
-        law_index = self._law_index(t, side)
         lengths = np.zeros(times.size)
-        if order == 0:
-            lengths = np.array([x.offset for x in self._law_ranges])[law_index]
-        # In rapids and dwells, the arc length is constant.
-        moving = np.array([x.law is not None for x in self._law_ranges])
-        rows = np.flatnonzero(moving[law_index])
-        for group in self._group(t[rows], law_index[rows]):
-            chosen = rows[group.indices]
-            lengths[chosen] += self._arc_length(group, t[chosen], order, side)
+        for group in self._group(t, self._law_index(t, side)):
+            ranges = [self._law_ranges[k] for k in group.laws]
+            if order == 0:
+                lengths[group.indices] = np.array([x.offset for x in ranges])[group.number]
+            # In rapids and dwells, the arc length is constant.
+            moving = np.array([x.law is not None for x in ranges])[group.number]
+            if moving.any():
+                chosen = LawGroup(group.laws, group.indices[moving], group.number[moving])
+                lengths[chosen.indices] += self._arc_length(chosen, t, order, side)
         return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
@@ -630,14 +630,17 @@ class Trajectory(Checked):
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
     def _arc_length(self, group: LawGroup, t: FloatArray, order: int, side: str) -> FloatArray:
-        """Return the arc lengths of a group's laws, or a derivative, at its times `t` [s], (m,)."""
+        """Return the arc lengths of a group's laws, or a derivative, at its times, (m,).
+
+        - `t`: all requested times [s], (n,).
+        """
+        times = t[group.indices]
         if len(group.laws) > 1:
-            return np.asarray(self._join(group).path_motion(group.number, t, side)[1][order])
+            return np.asarray(self._join(group).path_motion(group.number, times, side)[1][order])
         k = group.laws[0]
         law = self._law_ranges[k].law
         assert law is not None
-        i, law_t = self._within(k, t, side)
-        return law.path_position(i, law_t, order)
+        return law.path_position(*self._within(k, times, side), order)
 
     def _law_index(self, t: FloatArray, side: str) -> IntArray:
         """Return the index of the law of each time [s], (n,); at a break, on one `side`."""
@@ -649,6 +652,9 @@ class Trajectory(Checked):
 
         - `t`, `law_index`: times and the indices of their laws, (n,) each.
         """
+        if len(self.laws) == 1 and len(t) <= TIMES_AT_ONCE:
+            yield LawGroup([0], np.arange(len(t)), law_index)
+            return
         for indices in _batches(law_index):
             laws, number = np.unique(law_index[indices], return_inverse=True)
             joinable = np.array([type(self.laws[k]) is PathLaw for k in laws])
