@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
+from armcontour.core.memory import content_key, is_remembering, remembered
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
@@ -241,9 +242,13 @@ def trace_program(
         shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
         seed = shaped[0].outcome.joints if shaped else None
     limited = arm.with_limits(bounds)
+    key: tuple[Hashable, ...] = ()
+    if is_remembering():
+        program = _with_known_paths(program)
+        key = arm, content_key(bounds)
     contours = program.contours
     cached = {} if fastest is None else fastest
-    tracer = _Tracer(program, contours, limited, configuration, seed, start, accept, cached)
+    tracer = _Tracer(program, contours, limited, configuration, seed, start, accept, cached, key)
     if whole is not None:
         for i, known in enumerate((whole, *whole.chosen)):
             with error_context(contour_called(contours[i], i)):
@@ -272,6 +277,7 @@ class _Tracer:
     start: FloatArray | None  # Joint positions at which the program begins, if given [rad]
     accept: Callable[[JointPath], bool] | None
     fastest: dict[int, JointPath]
+    key: tuple[Hashable, ...]  # Key of the arm with its limits in a memory
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None  # Joint path of the previous move
     # Known joint paths of contours, by the index of the contour
@@ -330,7 +336,7 @@ class _Tracer:
         end = self._end
         q = ends_of(joint_path)[0]
         if end is not None and np.abs(q - end).max() > SAME_JOINT_POSITION:
-            line = _straight_line(end, q)
+            line = remembered(("line", end.tobytes(), q.tobytes()), lambda: _straight_line(end, q))
             if self.last is None:
                 _check_turns(line, self.arm)
                 # Dwells and events before the first path are at its start, after this line.
@@ -371,7 +377,11 @@ class _Tracer:
         if orientation is not None and orientation.cone > 0.0:
             # The tool may lean in several ways, which differ in duration and clearance.
             return self._fastest(path, i, q)
-        return trace(path, self.arm, **configuration_of(self.arm, q))
+        configuration = configuration_of(self.arm, q)
+        return remembered(
+            ("trace", path, *self.key, content_key(configuration)),
+            lambda: trace(path, self.arm, **configuration),
+        )
 
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
@@ -479,6 +489,22 @@ def _without_unwinding(joint_path: JointPath, arm: Arm, end: FloatArray) -> Join
     endless = np.isinf(lower) & np.isinf(upper) & ~arm.chain.slides
     turns = np.rint((end - ends_of(joint_path)[0]) / (2 * np.pi))
     return turn_by(joint_path, np.where(endless, turns, 0.0))
+
+
+def _with_known_paths(program: Program) -> Program:
+    """Return a program in which paths with known contents are the known objects.
+
+    Results are then found by the identity of their path.
+    """
+    moves = list(program.moves)
+    for i, move in enumerate(moves):
+        if isinstance(move, Contour):
+            key = "path", content_key(move.path)
+            path = move.path
+            known = remembered(key, lambda path=path: path)
+            if known is not path:
+                moves[i] = replace(move, path=known)
+    return replace(program, moves=tuple(moves))
 
 
 def _is_same(path: Path, other: Path) -> bool:

@@ -84,7 +84,8 @@ class Request:
         """Result of the run, simulated with its experiment."""
         from armcontour.jobs import run
 
-        (result,) = run(self.job, progress=self.progress).runs.values()
+        with self.previewer.remembering():
+            (result,) = run(self.job, progress=self.progress).runs.values()
         if result.failure is not None:
             raise result.failure
         return result
