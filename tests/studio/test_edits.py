@@ -94,6 +94,7 @@ VALID = (
     {"do": "unset", "key": "limits.speed"},
     {"do": "tilt", "angle": 10},
     {"do": "add_run", "name": "new"},
+    {"do": "order", "orders": [["A", 2], [1, 3]]},
     {"do": "move_waypoint", "index": 1, "to": [0.3, 0.2], "step": 1e-4},
     {"do": "set_waypoint", "index": 1, "value": ["1 mm", 2]},
     {"do": "insert_waypoint", "index": 1, "at": [0.3, 0.2]},
@@ -123,6 +124,16 @@ def test_every_message_of_a_page_is_executed_or_refused_in_one_sentence(valid, t
 
 def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
+
+
+def test_the_order_of_many_contours_is_one_edit():
+    # A message has at most 100 edits, but a drawing has more contours.
+    orders = [[k, 200 - k] for k in range(1, 151)] + [["CUT-1", 7]]
+    contours = edited(PLANE, "own", do="order", orders=orders)["path"]["contours"]
+    assert contours == {key: {"order": order} for key, order in orders}
+    for wrong in (3, [1], [[1]], [[1, "x"]], [[1, 2.5]], [[{}, 1]]):
+        with pytest.raises(InvalidInput):
+            edited(PLANE, "own", do="order", orders=wrong)
 
 
 def test_an_output_that_is_typed_as_a_number_is_a_number():

@@ -67,6 +67,8 @@ class Editor:
         self.named: tuple[FilePath, ...] = ()
         self.rev = 1
         self.run = ""
+        # Run that is shown again if the shown one no longer exists, as after undo.
+        self._run_before = ""
         # Edges of the CAD model of the path; None without one, and while it is read.
         self.picker: EdgePicker | None = None
         self.state = JobState({}, None, None)
@@ -93,6 +95,7 @@ class Editor:
             raise state.error or InvalidInput("The document is not a valid job.")
         self.document = document
         self.run = ""
+        self._run_before = ""
         self._count_revision(state)
 
     @property
@@ -113,11 +116,14 @@ class Editor:
         """Show another run."""
         if run not in (self.state.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
-        self.run = run
+        self._show_run(run)
         self._refresh()
 
-    def commit(self, revision: Revision, label: str) -> None:
-        """Change the text as one step of undo; raises an error if a valid job becomes invalid."""
+    def commit(self, revision: Revision, label: str, *, run: str = "") -> None:
+        """Change the text as one step of undo; raises an error if a valid job becomes invalid.
+
+        `run`: a run that is shown from now on, such as an added one; by default the same as before.
+        """
         # The job is read before the text changes, so that an invalid job leaves the text unchanged.
         state = self._read_state(revision.data)
         is_refused = state.error is not None and not is_blank(revision.data)
@@ -127,7 +133,14 @@ class Editor:
             self.document.replace(revision.text, label)
         else:
             self.document.apply(dict(revision.data), label)
-        self._count_revision(state)
+        if run:
+            self._show_run(run)
+        self._count_revision(None if run else state)
+
+    def _show_run(self, run: str) -> None:
+        """Show another run, and keep the one that was shown before it."""
+        self._run_before = self.run
+        self.run = run
 
     def change(self, action: Callable[[], None]) -> None:
         """Change the document by one of its methods, such as `undo`."""
@@ -179,11 +192,12 @@ class Editor:
         return Revision(change_data(self.state.data, changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Return the run to show: the last shown, else the first optimal one, else the first."""
+        """Return the run to show: the last shown, the one before, the first optimal, or the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
-        return self.run if self.run in names else next(iter([*fast, *names]), "")
+        shown = [x for x in (self.run, self._run_before) if x in names]
+        return next(iter([*shown, *fast, *names]), "")
 
     def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process: the fields of `tasks.request.Request`."""

@@ -12,7 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change
 from armcontour.studio.edits.edges import pick, unpick
-from armcontour.studio.edits.keys import add_run, set_value, unset_value
+from armcontour.studio.edits.keys import add_run, order_contours, set_value, unset_value
 from armcontour.studio.edits.layout import obstacle, place, tilt
 from armcontour.studio.edits.waypoints import (
     draw,
@@ -48,6 +48,7 @@ EDITS: dict[Any, EditFunction] = {
     "set": set_value,
     "unset": unset_value,
     "add_run": add_run,
+    "order": order_contours,
     "tilt": tilt,
     "move_waypoint": move_waypoint,
     "set_waypoint": set_waypoint,

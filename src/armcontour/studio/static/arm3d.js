@@ -4,10 +4,10 @@ import { heat, shadeOf, styleOf, themed } from "./colours.js";
 import { find, make, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
-import { textOf } from "./format.js";
-import { motionOf, shownMotion } from "./motion.js";
+import { short, textOf } from "./format.js";
+import { comparedExecution, motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
-import { along, indexAt, oncePerFrame } from "./state.js";
+import { along, indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -40,6 +40,8 @@ class ArmView {
     this.link = link;
     /** Picks edges; null until the viewer is loaded. @type {EdgeTool | null} */
     this.edgeTool = null;
+    /** The executed tool; null until the viewer is loaded. @type {import("./ghost.js").Ghost | null} */
+    this.ghost = null;
     /** Document for which the tool was offered. */
     this.offered = "";
     /** Null until the viewer is loaded, or if the browser has no WebGL. @type {import("./viewer.js").Viewer | null} */
@@ -51,7 +53,11 @@ class ArmView {
     this.fitted = "";
     /** @type {Motion | null} */
     this.motion = null;
+    /** Drawn content, for tests and measurements. @type {Record<string, string>} */
+    this.told = {};
     this.draw = oncePerFrame(() => this.drawNow());
+    // Texts and attributes take longer than the posture, and nobody reads them in every screen frame.
+    this.describe = nowAndThen(READING, () => this.describeNow());
     this.note = make("p", { class: "arm-note", role: "status" });
     this.box = make("div", { class: "arm-box" }, [this.note]);
     this.region.append(this.box);
@@ -63,7 +69,7 @@ class ArmView {
     if (this.isLoading) return;
     this.isLoading = true;
     try {
-      const { createViewer, rendererName } = await import("./viewer.js");
+      const [{ createViewer, rendererName }, { Ghost }] = await Promise.all([import("./viewer.js"), import("./ghost.js")]);
       if (rendererName() === null) this.problem = NO_WEBGL;
       else {
         this.viewer = createViewer(this.box, arm, this.store.theme);
@@ -73,6 +79,7 @@ class ArmView {
         this.listen(this.viewer.canvas);
         const tool = new EdgeTool(this.store, this.link, this.viewer, this.box);
         this.edgeTool = tool;
+        this.ghost = new Ghost(this.viewer);
         this.viewer.drawn = () => tool.draw();
       }
     } catch (error) {
@@ -120,7 +127,7 @@ class ArmView {
     this.load(arm);
     this.read(arm);
     this.pose(arm);
-    this.region.dataset.frames = String(this.viewer?.frames ?? 0);
+    this.describe();
   }
 
   /** Read new frames. @param {Frame} arm */
@@ -132,7 +139,10 @@ class ArmView {
       if (viewer?.setModel(model?.head.sentence ? null : model)) stale.add("arm");
       if (stale.has("model")) this.edgeTool?.read();
     }
-    if (stale.has("arm")) viewer?.setArm(arm);
+    if (stale.has("arm")) {
+      viewer?.setArm(arm);
+      this.ghost?.readArm();
+    }
     if (placed) viewer?.placeModel(placed.at);
     this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
     viewer?.setTransparent(store.options.transparent && placed !== null);
@@ -172,11 +182,13 @@ class ArmView {
 
   /** Show the posture at the shown time. @param {Frame} arm */
   pose(arm) {
-    const { motion, viewer, store, region } = this;
+    const { motion, viewer, store } = this;
     const t = Math.min(store.time, motion?.duration ?? 0);
     const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
+    // The executed motion has its own tool.
+    this.ghost?.show(motion?.of === "planned" ? comparedExecution(store) : null, t);
     viewer?.mark(headOf(store).nearest?.points ?? null, refused);
     viewer?.touch(store.touched?.xyz ?? []);
     viewer?.alert(store.refusal?.head.bodies ?? []);
@@ -189,10 +201,16 @@ class ArmView {
       viewer.covered = { top: viewer.bar.offsetTop + viewer.bar.offsetHeight, bottom: NOTE };
       viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
     }
-    Object.assign(region.dataset, {
+    this.told = {
+      ghost: this.ghost?.factor ? this.ghost.tip.position.toArray().join(",") : "", magnify: String(this.ghost?.factor ?? 0),
       time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
-    });
-    say(this.note, this.noteText(motion));
+    };
+  }
+
+  /** Write the note, and describe the drawn content for tests and measurements. */
+  describeNow() {
+    say(this.note, this.noteText(this.motion));
+    Object.assign(this.region.dataset, this.told, { frames: String(this.viewer?.frames ?? 0) });
   }
 
   /** @param {Motion | null} motion @returns {string} */
@@ -204,8 +222,9 @@ class ArmView {
     const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
     if (pair) return `Nearest here: ${pair.note}, ${textOf(pair)}`;
     if (!motion) return "No motion yet: the arm is at zero.";
-    if (this.store.options.time !== motion.of) return "The executed motion is not there yet: this is the planned one.";
-    return "";
+    if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";
+    const { factor = 0, error = 0 } = this.ghost ?? {};
+    return factor ? `Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}` : "";
   }
 }
 

@@ -48,6 +48,12 @@ export function short(x, digits = 4) {
   return String(Number(x.toPrecision(digits)));
 }
 
+/** Date and time to the minute, as the server writes them. @param {Date} time @returns {string} */
+export function timeText(time) {
+  const two = (/** @type {number} */ x) => String(x).padStart(2, "0");
+  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${two(time.getHours())}:${two(time.getMinutes())}`;
+}
+
 const PLAIN = /^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$/;
 
 /** True if a quantity is written without a unit. @param {string} text @returns {boolean} */

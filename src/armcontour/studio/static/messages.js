@@ -4,6 +4,8 @@ import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
+import { Stopped } from "./stopped.js";
+import { shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -39,14 +41,11 @@ export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
-  // Messages cover the drawing, but not the buttons above it.
-  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 48}px`);
-  new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
   const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([]), t = /** @type {number | undefined} */ (undefined)) =>
-    render(html`<span>${sentence}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
+    render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     refused.hidden = !frame;
@@ -86,12 +85,14 @@ export function init(store, link) {
     if (gone && !banner.isConnected) focused = /** @type {HTMLElement} */ (document.activeElement);
     if (gone) find("#messages").append(banner);
     else banner.remove();
-    say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
-    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
+    const { stopped = false, lost: isChangeLost = false } = link;
+    document.body.dataset.stopped = String(stopped);
+    render(stopped ? html`<${Stopped} head=${store.document} isChangeLost=${isChangeLost} />` : html`<p>Not connected, so nothing can be changed. ${link.sentence}</p>`, banner);
+    for (const region of document.querySelectorAll("#stage, #panel, #playback, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
-    say(state, link.state === "open" ? "" : link.sentence);
+    say(state, { open: "", starting: link.sentence }[/** @type {string} */ (link.state)] ?? "Not connected");
     state.title = link.sentence;
   });
 }

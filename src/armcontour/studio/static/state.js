@@ -30,7 +30,7 @@
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {string} pen          the shape that is drawn; "" for none
  * @property {boolean} place        whether the part is moved as a whole
- * @property {"planned" | "executed"} time   which motion is played
+ * @property {"both" | "planned" | "executed"} time   which motion is played; both: the planned one, and the executed tool beside it
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
@@ -49,7 +49,7 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   pen: "",
   place: false,
-  time: "planned",
+  time: "both",
   // Side by side, the views need a wide page.
   stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
   tab: "charts",

@@ -2,8 +2,10 @@
 
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
+import { comparedExecution } from "./motion.js";
 import { canDraw } from "./pen.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { inches } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -55,7 +57,7 @@ export function init(store, _link, { view }) {
   const updateLegend = nowAndThen(LEGEND_EVERY, () => {
     const picture = store.latest("picture");
     if (!picture) return;
-    const magnify = store.options.colour === "error" ? Number(view.region.dataset.magnify) : 0;
+    const magnify = comparedExecution(store) ? Number(view.region.dataset.magnify) : 0;
     const [entries, lengths] = [legendOf(store, view.layers, picture, magnify), scalesOf(view.view.scale, magnify)];
     const now = JSON.stringify([entries, lengths]);
     if (now === shown) return;
@@ -93,5 +95,6 @@ export function init(store, _link, { view }) {
   const follow = nowAndThen(READING, update);
   for (const event of ["picture", "executed"]) store.on(event, follow);
   view.followers.add(follow);
+  inches.subscribe(updateLegend);
   update();
 }
