@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
+from armcontour.core.source_file import fingerprint
 from armcontour.studio.differences import differences
 
 # Maximum number of results whose origin is kept; pages show fewer.
 MAX_ORIGINS = 50
-# Number of hexadecimal digits of a displayed hash.
-HASH_DIGITS = 8
 # Difference after the files of a job, such as its drawing, were read again.
 READ_AGAIN = "Files read again"
 
@@ -54,7 +52,7 @@ class Origins:
             "time": datetime.now().isoformat(" ", "minutes"),
             "job": str(data.get("name") or "job"),
             "run": run,
-            "hash": job_hash(text),
+            "hash": fingerprint(text.encode()),
         }
         self._origins[id] = Origin(task, data, run, made)
         while len(self._origins) > MAX_ORIGINS:
@@ -82,8 +80,3 @@ class Origins:
     def clear(self) -> None:
         """Forget all results, because another document is opened."""
         self._origins.clear()
-
-
-def job_hash(text: str) -> str:
-    """Return the first digits of the SHA-256 hash of a job's text."""
-    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]

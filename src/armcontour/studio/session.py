@@ -19,6 +19,7 @@ from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
+from armcontour.core.source_file import fingerprint
 from armcontour.core.text import show
 from armcontour.files.file_keys import in_si
 from armcontour.files.job_file import cell_names
@@ -42,7 +43,7 @@ from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.plan_frames import drawing_frame, refusal_header
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
-from armcontour.studio.results import Origins, job_hash
+from armcontour.studio.results import Origins
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
 
 # Maximum number of edits in a message, because the job may be read again for each edit.
@@ -357,7 +358,7 @@ class Session:
             "id": editor.id,
             "logs": list(editor.uploads.logs),
             "model": self._model_header(),
-            "hash": job_hash(editor.document.text),
+            "hash": fingerprint(editor.document.text.encode()),
             # What has changed since each result was made, by identifier of its task.
             "outdated": self._origins.changes_until(editor.state.data),
         }
