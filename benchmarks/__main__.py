@@ -26,7 +26,7 @@ from benchmarks.measured import Line, Measured, Missing, in_words, measure
 ROOT = Path(__file__).parents[1]
 MODULES = (
     *("start_up", "optimal", "torque", "square", "kinematics", "polyline", "projection"),
-    *("paper", "certify", "learning", "shaping", "jerk", "recipe", "commands", "studio"),
+    *("paper", "certify", "learning", "shaping", "jerk", "recipe", "commands", "batch", "studio"),
 )
 PACKAGES = (
     *("numpy", "scipy", "numba", "pin"),

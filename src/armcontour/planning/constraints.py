@@ -119,7 +119,7 @@ class IntervalEnds:
         n = len(self.grid)
         if LIMITS[name].order < 3:
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
-            return np.asarray(ratio.max(axis=1))
+            return np.maximum(ratio[:, 0], ratio[:, 1])
         inside = States(self.arm, self.law.motion(*self.places, 3))
         use = inside.use(name, limits)
         return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
