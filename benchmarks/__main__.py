@@ -30,7 +30,7 @@ MODULES = (
 )
 PACKAGES = (
     *("numpy", "scipy", "numba", "pin"),
-    *("toppra", "cmeel-toppra", "roboplan", "casadi"),
+    *("toppra", "cmeel-toppra", "roboplan", "copp-py", "casadi"),
 )
 # One thread in us and in the peers, as the time of the processor counts each.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

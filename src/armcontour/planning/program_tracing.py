@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
-from armcontour.core.memory import content_key, is_remembering, remembered
+from armcontour.core.memory import content_key, is_remembering, recall, remember, remembered
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
@@ -539,10 +539,11 @@ def _with_known_paths(program: Program) -> Program:
     for i, move in enumerate(moves):
         if isinstance(move, Contour):
             key = "path", content_key(move.path)
-            path = move.path
-            known = remembered(key, lambda path=path: path)
-            if known is not path:
-                moves[i] = replace(move, path=known)
+            known = recall(key)
+            if known is None:
+                remember(key, move.path)
+            else:
+                moves[i] = move if known is move.path else replace(move, path=known)
     return replace(program, moves=tuple(moves))
 
 
