@@ -93,4 +93,3 @@ class Origins:
     def clear(self) -> None:
         """Forget all results, because another document is opened."""
         self._origins.clear()
-
