@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from rich.console import Console
@@ -42,6 +42,10 @@ LINES = 150_000
 SEGMENTS = 10_000
 # Contours of the drawing that is planned and moved.
 CONTOURS = 2_000
+# Frames while the motion plays: their median with software rendering [ms], and its ratio to that of
+# the drawing alone, at most.
+PLAY_FRAME = 80.0
+PLAY_RATIO = 1.3
 
 
 @dataclass(frozen=True)
@@ -224,6 +228,54 @@ def start(browser: Browser, folder: FilePath) -> Iterator[Found]:
     yield Found("start: charts, tables and tasks", max(whole[1:]), None, "s")
 
 
+def playing(browser: Browser, folder: FilePath) -> Iterator[Found]:
+    """Play the motion of a drawing as the drawing, as both views, and as the arm."""
+    drawing = FilePath(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
+    with _studio(browser, drawing, "--cell", "ur5e") as studio:
+        plane = 0.0
+        for name, label in (("2d", "2D"), ("both", "Both"), ("3d", "3D")):
+            studio.find("#viewbar").get_by_role("button", name=label, exact=True).click()
+            # The viewer is loaded, and its picture at rest is drawn.
+            studio.page.wait_for_timeout(3000)
+            frames, work = _played(browser, studio)
+            median = _share(frames, 0.5)
+            plane = plane or median
+            more = f"p95 {_share(frames, 0.95):.0f}, {work:.0f} ms of processor time"
+            yield Found(f"play, {name}: frames, p50", median, PLAY_FRAME, "ms", more=more)
+            if name != "2d":
+                title = f"play, {name}: frames as a ratio to 2d"
+                yield Found(title, median / plane, PLAY_RATIO, "")
+
+
+def _played(browser: Browser, studio: Studio) -> tuple[list[float], float]:
+    """Play the motion slowly; return the times between frames, and processor time per frame [ms].
+
+    The processor time of all processes of the browser depends little on the machine's load.
+    """
+    studio.find("#playback select").last.select_option("0.25")
+    studio.page.keyboard.press("Home")
+    studio.find("#playback .play").click()
+    studio.wait("#playback", state="playing")
+    # The first frames compile code and upload geometry.
+    studio.page.wait_for_timeout(500)
+    before = _processor_time(browser)
+    frames = _frames(studio, lambda t: None)
+    work = 1e3 * (_processor_time(browser) - before) / len(frames)
+    assert studio.told("#playback", "state") == "playing", "The motion ended too early."
+    studio.find("#playback .play").click()
+    studio.wait("#playback", state="paused")
+    return frames, work
+
+
+def _processor_time(browser: Browser) -> float:
+    """Return the processor time of the browser's processes [s]; Linux only."""
+    total = 0
+    for process in _processes(browser):
+        fields = FilePath(f"/proc/{process['id']}/stat").read_text().rpartition(")")[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / os.sysconf("SC_CLK_TCK")
+
+
 MEASURES: dict[str, Measure] = {
     "paper": paper,
     "square": square,
@@ -232,6 +284,7 @@ MEASURES: dict[str, Measure] = {
     "contours": contours,
     "program": program,
     "start": start,
+    "playing": playing,
 }
 
 
@@ -342,14 +395,19 @@ def _frames(studio: Studio, act: Callable[[float], None]) -> list[float]:
     return list(np.diff(times))
 
 
+def _processes(browser: Browser) -> list[dict[str, Any]]:
+    """List the processes of the browser."""
+    session = browser.new_browser_cdp_session()
+    processes: list[dict[str, Any]] = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    return processes
+
+
 def _process(browser: Browser) -> float:
     """Return the memory of a page's largest process [bytes]; Linux only."""
-    session = browser.new_browser_cdp_session()
-    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
-    session.detach()
     sizes = [
         int(FilePath(f"/proc/{x['id']}/statm").read_text().split()[1])
-        for x in processes
+        for x in _processes(browser)
         if x["type"] == "renderer"
     ]
     return float(max(sizes) * os.sysconf("SC_PAGE_SIZE"))

@@ -31,7 +31,7 @@ BUTTONS = "#viewbar button, #tabs [role=tab], #playback button, #undo, #redo"
 KEYS = (
     *("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft"),
     *("Tab", "Shift+Tab", "Escape", "Control+z", "Control+Shift+z", "Delete", "Insert", "Space"),
-    *("e", "f", "m", "v", "d", "+", "-", "?"),
+    *("e", "f", "m", "v", "d", "+", "-", "?", "[", "]", "{", "}", ".", "Home", "End"),
 )
 BOXES = """(all) => all.map((x) => {
     const box = x.getBoundingClientRect();

@@ -153,7 +153,7 @@ def test_python_blocks_of_pages_run(page, folder):
     names = {"__name__": page}
     printed = run_page(page, names)
     if page == "README.md":
-        (expected,) = (x.text for x in blocks(PAGES[page]) if x.language == "text")
+        _, expected = (x.text for x in blocks(PAGES[page]) if x.language == "text")
         assert agree(expected, printed)
     if page == "docs/guides/controllers/ros2.md":
         log = ac.read_log("run1.csv")
@@ -163,6 +163,18 @@ def test_python_blocks_of_pages_run(page, folder):
         np.testing.assert_allclose(log.command - log.measured, 0.01, atol=1e-12)
     if page == "docs/guides/identify.md":
         assert names["identification"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
+
+
+@needs_dynamics
+def test_the_command_of_the_readme_begins_with_the_stated_lines(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "examples/drawings", tmp_path / "examples/drawings")
+    (line,) = (x for page, x in command_lines() if page == "README.md" and " run " in x)
+    code, printed, errors = run_command(shlex.split(line)[1:])
+    assert code == 0, errors
+    stated = next(x.text for x in blocks(PAGES["README.md"]) if x.language == "text")
+    first_lines = printed.splitlines()[: len(stated.splitlines())]
+    assert agree(stated, "\n".join(first_lines))
 
 
 def command_lines():

@@ -80,20 +80,35 @@ def test_the_table_of_contour_errors_is_computed_again(plans):
 def test_learning_figures_in_readme_equal_output_of_example():
     printed = yaml.safe_load(page("docs/gallery/printed.yaml"))["07_learning"]
     runs = [x for x in printed.splitlines() if x.startswith("run ")]
-    (line,) = (x for x in page("README.md").splitlines() if "in the first run" in x)
     first, third = (numbers(runs[k])[1] for k in (0, 2))
-    assert numbers(line.split("|")[1]) == [first, third]
+    words = " ".join(page("README.md").split())
+    stated = re.search(
+        r"is ([\d.]+) mm RMS in the first run.*?to ([\d.]+) mm RMS in the third", words
+    )
+    assert stated.groups() == (first, third)
 
 
-def test_the_readme_states_the_error_of_its_example_without_compensation():
+def test_readme_states_error_of_its_example_without_compensation():
     text = page("README.md")
     names = {}
     exec(text.split("```python\n")[1].split("```")[0], names)
-    plain = ac.compensate(names["planned"], names["servo"], ac.NoCompensation(), cycle=CYCLE)
-    execution = ac.simulate(plain, ac.ServoPlant(names["arm"], names["servo"]))
-    error = ac.evaluate(execution, names["rounded"]).contour_error
+    plain = ac.compensate(names["planned"], SERVO, ac.NoCompensation(), cycle=CYCLE)
+    error = ac.evaluate(ac.simulate(plain, names["robot"]), names["rounded"]).contour_error
     printed = re.search(r"Without compensation: ([\d.]+) mm RMS", text)
     is_printed([error.rms * 1e3], printed.groups())
+
+
+def test_readme_states_prediction_of_recorded_logs():
+    logs = ROOT / "tests/control/identification/kuka_kr300"
+    fit = ac.identify(ac.read_log(logs / "A.csv"))
+    prediction = fit.predict(ac.read_log(logs / "B.csv"))
+    share = 100 * prediction.rms / prediction.tracking_rms
+    words = " ".join(page("README.md").split())
+    stated = re.search(r"axes 1 and 4 .*? to (\d+) and (\d+) % of their tracking error", words)
+    is_printed([share[0], share[3]], stated.groups())
+    without_model = [k + 1 for k, joint in enumerate(fit.joints) if not joint.written]
+    (stated,) = re.findall(r"axes (\d) and (\d) get no model", words)
+    assert without_model == [int(x) for x in stated]
 
 
 def test_figures_without_reserve_in_guide_equal_computed_errors(plans):

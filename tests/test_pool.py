@@ -84,6 +84,7 @@ def test_packed_arrays_are_read_only():
 def eager(monkeypatch):
     """Processes are worth their start after the first item."""
     monkeypatch.setattr(pool, "PROCESS_START_TIME", 1e-9)
+    monkeypatch.setattr(pool, "TRANSFER_TIME", 0.0)
     monkeypatch.setattr(pool, "processors", lambda: 2)
 
 

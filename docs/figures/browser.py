@@ -104,14 +104,21 @@ def show_gasket(studio: Studio) -> None:
     save_moving("studio_moving", studio)
 
 
+def go_to(studio: Studio, share: float) -> None:
+    """Show a time, as a share of the motion's duration."""
+    slider = studio.find("#playback .scrub")
+    box = slider.bounding_box()
+    assert box is not None
+    slider.click(position={"x": box["width"] * share, "y": box["height"] / 2})
+    slider.blur()
+
+
 def save_moving(name: str, studio: Studio) -> None:
     """Write a moving picture of the whole motion."""
-    slider = studio.find("#playback .scrub")
     pictures = []
-    duration = float(slider.get_attribute("max") or 0)
+    duration = float(studio.find("#playback .scrub").get_attribute("aria-valuemax") or 0)
     for k in range(FRAMES):
-        slider.fill(str(duration * k / FRAMES))
-        slider.blur()
+        go_to(studio, k / FRAMES)
         studio.page.wait_for_timeout(DRAWN / 2)
         pictures.append(Image.open(io.BytesIO(studio.page.screenshot())).resize(SMALLER))
     file = FOLDER / f"{name}.webp"
@@ -131,9 +138,7 @@ def show_edges(studio: Studio) -> None:
     with studio.changing():
         box.get_by_role("button", name="Add").click()
     # The tool is at the other side, so that it does not hide the arrows.
-    slider = studio.find("#playback .scrub")
-    slider.fill(str(float(slider.get_attribute("max") or 0) * 0.4))
-    slider.blur()
+    go_to(studio, 0.4)
     studio.find("#view3d [data-view=Part]").click()
     studio.page.wait_for_timeout(DRAWN)
     save("studio_edges", studio.page.screenshot())

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 FILE = FilePath(__file__).parent / "axe" / "axe.min.js"
 GRAVE = ("serious", "critical")
+ALL = ("minor", "moderate", *GRAVE)
 RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
 
 
@@ -19,11 +20,18 @@ def load_axe(page: Page) -> None:
     page.evaluate(FILE.read_text(encoding="utf-8"))
 
 
-def faults(page: Page, *, rules: Sequence[str] = RULES, without: Sequence[str] = ()) -> list[str]:
-    """Serious and critical faults of a page as it is now; axe-core is loaded.
+def faults(
+    page: Page,
+    *,
+    impacts: Sequence[str] = GRAVE,
+    rules: Sequence[str] = RULES,
+    without: Sequence[str] = (),
+) -> list[str]:
+    """Faults of a page as it is now, by default serious and critical ones; axe-core is loaded.
 
     Args:
         page: The page.
+        impacts: Impacts of the faults that are returned.
         rules: Tags of the rules; without any, all rules.
         without: Selectors of what is not looked at.
     """
@@ -34,6 +42,6 @@ def faults(page: Page, *, rules: Sequence[str] = RULES, without: Sequence[str] =
     )
     found = []
     for violation in report["violations"]:
-        if violation["impact"] in GRAVE:
+        if violation["impact"] in impacts:
             found += [f"{violation['id']}: {node['html'][:160]}" for node in violation["nodes"]]
     return found

@@ -260,6 +260,7 @@ def test_narrow_pages_have_a_menu_and_large_targets(pages):
     studio = pages(size=(390, 844))
     studio.begin()
     planned(studio)
+    studio.find("#panel-open").click()
     studio.find("ol.contours button").first.click()
     small = [
         x.get_attribute("aria-label") or x.inner_text()
@@ -267,6 +268,7 @@ def test_narrow_pages_have_a_menu_and_large_targets(pages):
         if x.is_visible() and x.bounding_box()["height"] < 44
     ]
     assert not small
+    studio.find("#panel-close").click()
     studio.find("#menu-open").click()
     for name in ("Save", "Compare", "Certify"):
         expect(studio.find("#menu").get_by_role("button", name=name)).to_be_in_viewport(ratio=1)

@@ -7,7 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour.cli
-from armcontour.cli.console import print_lines, table_lines
+from armcontour.cli import console
+from armcontour.cli.console import ProgressDisplay, print_lines, table_lines
+from armcontour.core.progress import Step, TimeLeft
 from armcontour.core.text import to_line
 
 CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
@@ -40,3 +42,46 @@ def test_commands_print_only_through_the_console():
                     continue
                 shown = ast.unparse(node.args[0])
                 assert "json" in shown, f"{file.name}: print({shown})"
+
+
+class Clock:
+    """A clock that a test sets [s]."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_time_left_is_estimated_from_the_parts_of_the_same_step():
+    clock = Clock()
+    time_left = TimeLeft(clock)
+    assert time_left.after(Step(("tracing",))) is None
+    clock.now = 10.0
+    # 10 s for a quarter: three quarters take 30 s more.
+    assert time_left.after(Step(("tracing",), 0.25)) == 30.0
+    clock.now = 20.0
+    assert time_left.after(Step(("tracing",), 0.5)) == 20.0
+    assert time_left.after(Step(("tracing",), 1.0)) is None
+    # The time of the step before does not count.
+    clock.now = 100.0
+    assert time_left.after(Step(("timing",), 0.2)) is None
+    clock.now = 101.0
+    assert abs(time_left.after(Step(("timing",), 0.3)) - 7.0) < 1e-9
+
+
+def test_progress_says_which_contour_of_how_many_and_the_time_left(capsys, monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(console.time, "monotonic", clock)
+    display = ProgressDisplay("run")
+    display(Step(("fast", "tracing")))
+    clock.now = 30.0
+    display(Step(("fast", "tracing"), 0.25, "contour 10 of 40"))
+    clock.now = 630.0
+    display(Step(("fast", "tracing"), 0.5, "contour 20 of 40"))
+    first, second = capsys.readouterr().err.splitlines()
+    for expected in ("contour 10 of 40", "25%", "90 s left"):
+        assert expected in first
+    for expected in ("contour 20 of 40", "50%", "10 min left"):
+        assert expected in second

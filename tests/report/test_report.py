@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import gzip
+import itertools
 import json
 import re
 
@@ -17,11 +18,13 @@ from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
-from armcontour.report import render_report, render_table, sections, write_report
+from armcontour.report import render_report, sections, write_report
+from armcontour.report.batch_report import render_batch
 from armcontour.report.figure import Curve, Figure, Plot, to_json
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.origin import Origin
 from armcontour.report.sections.learning import learned, learning
-from armcontour.report.sections.placement_section import placed
+from armcontour.report.sections.placement_section import edges_of, placed
 from armcontour.report.style import thin
 from armcontour.studies.placement import Place, Placement
 
@@ -39,11 +42,18 @@ def page(job_result):
     return render_report(job_result)
 
 
+def written(value, unit):
+    """A value on a page: lengths have at most three decimals of a millimetre."""
+    if unit == "m" and value < 1e-4:
+        return f"{value * 1e3:.3f} mm" if value >= 1e-6 else "&lt; 0.001 mm"
+    return number(value, unit)
+
+
 def test_the_report_shows_the_figures_of_every_run(job_result, page, in_order):
     for result in job_result.runs.values():
         e = result.judged
         values = (e.duration, "s"), (e.contour_error.rms, "m"), (e.contour_error.max, "m")
-        assert all((number(*x) if x[0] >= 1e-6 else "&lt; 0.001 mm") in page for x in values)
+        assert all(written(*x) in page for x in values)
     slowest = job_result.runs["shaped"].explanation.to_data()["slowest"].value
     words = (f"slowest point: {slowest}", "&lt;b&gt;T &amp; J&lt;/b&gt;")
     assert [x for x in words if x not in page] == []
@@ -119,7 +129,7 @@ def test_a_page_contains_its_figures_and_their_script(page, job_result):
     assert {x[3] for x in limits["bars"]} >= {"joint acceleration"} and error["logarithmic"]
     assert b"export" in unpacked(page, "uplot") and len(page) < 1e6
     # A page without figures has no code for them.
-    assert 'id="packed-' not in render_table("a", "", ("b",), [("c",)])
+    assert 'id="packed-' not in render_batch("a", "", ("b",), [], [], Origin())
 
 
 def test_the_animated_arm_moves_as_planned_along_the_path(page, job_result):
@@ -234,11 +244,43 @@ def test_a_placement_map_shows_the_best_position_and_the_kind_of_refusals():
         places=tuple(places),
     )  # fmt: skip
     front = placed(placement)
-    svg = front.parts[0].svg
+    svg = front.drawing.svg
     cells = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)"[^>]*/><text[^>]*>([^<]*)<', svg)
     right, low = (max(float(x[k]) for x in cells) for k in (0, 1))
     found = {(float(x) == right, float(y) == low): text for x, y, text in cells}
     # Each place has the shortest motion over the other axis; y points up.
     assert found == {(False, True): "2", (False, False): "2.5", (True, True): "1",
                      (True, False): "4"}  # fmt: skip
-    assert front.sentences[0][0] == "1: refused by reach (3)"
+    assert ("1: refused by reach (3)", "") in front.sentences
+    # The shortest motion is yellow and framed, the longest one is dark.
+    colours = re.findall(r'fill="rgb\((\d+),\d+,\d+\)"/><text[^>]*>([\d.]+)<', svg)
+    reds = {text: int(red) for red, text in colours}
+    assert reds["2"] == 254 and reds["2"] > reds["2.5"] > reds["4"]
+    (framed,) = re.findall(r'<rect class="best" x="([\d.]+)" y="([\d.]+)"', svg)
+    places_of_text = {text: (float(x), float(y)) for x, y, text in cells}
+    assert np.allclose(np.array(framed, float) - places_of_text["2"], 2.0)
+    assert "at the edge of the grid (x, y, yaw)" in front.verdict
+
+
+def placement_at(axes, best):
+    """A placement whose best place has given values."""
+    job = parse_job(JERKY)
+    names = list(axes)
+    places = []
+    for values in itertools.product(*axes.values()):
+        duration = 1.0 if values == best else 2.0
+        places.append(Place(values=dict(zip(names, values, strict=True)), duration=duration))
+    return Placement(
+        job=job, run=job.runs[0], moved="part", about=np.zeros(3), own=places[0],
+        axes={x: np.array(y) for x, y in axes.items()}, places=tuple(places),
+    )  # fmt: skip
+
+
+def test_the_edge_of_a_grid_of_places_is_named_unless_it_is_a_whole_turn():
+    turn = [0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi]
+    assert edges_of(placement_at({"x": [0.0, 0.1, 0.2]}, (0.1,))) == []
+    assert edges_of(placement_at({"x": [0.0, 0.1, 0.2]}, (0.2,))) == ["x"]
+    assert edges_of(placement_at({"x": [0.0], "yaw": turn}, (0.0, 0.0))) == []
+    assert edges_of(placement_at({"yaw": turn[:3]}, (0.0,))) == ["yaw"]
+    inside = placed(placement_at({"x": [0.0, 0.1, 0.2]}, (0.1,)))
+    assert "edge" not in inside.verdict

@@ -31,6 +31,7 @@ SLEEP = "__import__('time').sleep({})"
 
 def test_items_are_distributed_to_all_processes(monkeypatch):
     monkeypatch.setattr(pool, "PROCESS_START_TIME", 1e-9)
+    monkeypatch.setattr(pool, "TRANSFER_TIME", 0.0)
     monkeypatch.setattr(pool, "processors", lambda: 2)
     items = [f"({SLEEP.format(0.02)}, {k}, {PID})[1:]" for k in range(200)]
     pairs = list(map_in_order(eval, items))

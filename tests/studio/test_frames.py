@@ -111,6 +111,31 @@ def test_charts_show_the_use_of_the_limits(shown, gasket):
         assert ("usage_torque" in frame.arrays) == is_limited
 
 
+def test_rapids_have_the_speed_of_the_tool(gasket):
+    planned, frame = gasket
+    a = frame.arrays
+    rapids = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
+    assert len(a["rapid_most"]) == len(rapids) > 2
+
+    def speed(t):
+        """Central differences of the tool's position [m/s]."""
+        step = 1e-5
+        places = planned.trajectory(np.concatenate([t - step, t + step]))
+        before, after = np.split(planned.job.arm.tool_position(places), 2)
+        return np.linalg.norm(after - before, axis=1) / (2 * step)
+
+    for k, (begin, end) in enumerate(rapids):
+        first, last = a["rapid_breaks"][k : k + 2]
+        times = a["rapid_t"][first:last].astype(float)
+        assert times[0] == pytest.approx(begin) and times[-1] == pytest.approx(end)
+        inner = slice(first + 1, last - 1)
+        near(a["rapid_speed"][inner], speed(times[1:-1]), 2e-3)
+        most = speed(np.linspace(begin, end, 2_000)[1:-1]).max()
+        assert a["rapid_most"][k] == pytest.approx(most, rel=2e-3)
+    # A rapid may be faster than the work.
+    assert a["rapid_most"].max() > a["speed"].max()
+
+
 def test_corners_and_shortfalls_have_their_positions(shown, gasket, view):
     planned, frame = shown
     corners = frame.header["corners"]
@@ -223,6 +248,12 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     np.testing.assert_allclose(
         np.linalg.norm(a["offset"], axis=1), a["error"], rtol=1e-4, atol=1e-12
     )
+    # In space, the same deviation leads from the path to the tool.
+    np.testing.assert_allclose((a["base_xyz"] + a["offset_xyz"])[:, :2], tool, rtol=0, atol=2e-7)
+    np.testing.assert_allclose(
+        np.linalg.norm(a["offset_xyz"], axis=1), a["error"], rtol=1e-4, atol=1e-12
+    )
+    assert path.project(a["base_xyz"][:, :2].astype(float)).distance.max() < 1e-7
     # The rounding of corners is a part of the distance from the drawing.
     drawn = executed.planned.objective.path.project(tool).distance
     assert a["off"].max() == pytest.approx(drawn.max(), rel=1e-3)

@@ -105,3 +105,70 @@ def test_path_part_under_pointer_is_nearest_one():
     close, any_piece = np.array(found).T
     np.testing.assert_allclose(distance[rows, any_piece], distance.min(axis=1), rtol=1e-12)
     np.testing.assert_array_equal(close, np.where(near, any_piece, -1))
+
+
+NUMBERS = """
+const { placeNumbers } = await import("./contour_numbers.js");
+const { Viewport } = await import("./viewport.js");
+const view = new Viewport();
+view.resize({ width: given.width, height: 800 });
+view.scale = given.scale;
+const marks = given.starts.map(([u, v], k) => ({
+  at: [u, v], out: [1, 0], centre: [u - given.radius, v], size: 2 * given.radius, number: String(k + 1),
+}));
+tell(placeNumbers(marks, view, given.selected));
+"""
+
+
+@pytest.mark.parametrize(("scale", "least"), [(300.0, 5), (1000.0, 25), (4000.0, 120)])
+def test_numbers_of_contours_do_not_lie_over_each_other(scale, least):
+    # Rows of contours of 8 mm, 12 mm apart.
+    starts = [[0.012 * (k % 12 - 6), 0.012 * (k // 12 - 5)] for k in range(120)]
+    given = {"starts": starts, "radius": 0.004, "scale": scale, "width": 1200, "selected": 77}
+    placed = compute(NUMBERS, given)
+    assert placed[0]["number"] == "78"
+    assert len(placed) >= least
+    for k, a in enumerate(placed):
+        for b in placed[k + 1 :]:
+            # A digit of this font is 6 px wide and 11 px high.
+            across = 6 * (len(a["number"]) + len(b["number"])) / 2
+            assert abs(a["x"] - b["x"]) >= across or abs(a["y"] - b["y"]) >= 11
+    assert len({x["number"] for x in placed}) == len(placed)
+
+
+UNITS = """
+const units = await import("./units.js");
+units.inches.value = given.inches;
+tell(given.calls.map(([name, ...options]) => units[name](...options)));
+"""
+
+
+def test_lengths_are_shown_in_inches_on_demand():
+    row = {"name": "duration", "value": 1, "text": "25.4", "unit": "mm", "note": "2.54 mm wide"}
+    calls = [
+        ["shownText", "at 254 mm/s, 0.0254 m and 50 mm²; 5 mm"],
+        ["shownText", "no length in 3 s or 2 min"],
+        ["shownRow", row],
+        ["shownRow", {**row, "unit": "s"}],
+        ["shownField", "420 mm, -20 mm, 100 mm", "m"],
+        ["shownField", "50 mm/s", "mm/s"],
+        ["shownField", "0.0254", "m"],
+        ["shownField", "auto", "m"],
+        ["typedField", "2", "mm/s"],
+        ["typedField", "2 mm", "m"],
+        ["typedField", "1, 2", "m"],
+        ["typedField", "2", "1/s"],
+        ["shownUnit", "mm/s"],
+    ]
+    metric = compute(UNITS, {"inches": False, "calls": calls})
+    same = [calls[0][1], calls[1][1], row, {**row, "unit": "s"}]
+    assert metric == [*same, *(x[1] for x in calls[4:])]
+    shown = compute(UNITS, {"inches": True, "calls": calls})
+    assert shown[0] == "at 10 in/s, 1 in and 50 mm²; 0.197 in"
+    assert shown[1] == calls[1][1]
+    assert shown[2] == {**row, "text": "1", "unit": "in", "note": "0.1 in wide"}
+    assert shown[3]["text"] == "25.4" and shown[3]["value"] == 1
+    position = [float(x.removesuffix(" in")) * 25.4 for x in shown[4].split(", ")]
+    assert position == pytest.approx([420, -20, 100], rel=1e-4)
+    assert shown[5] == "1.9685 in/s" and shown[6] == "1" and shown[7] == "auto"
+    assert shown[8:] == ["2 in/s", "2 mm", "1 in, 2 in", "2", "in/s"]

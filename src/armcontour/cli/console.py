@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from armcontour.core.progress import COMPILING, Step
+from armcontour.core.progress import COMPILING, Step, TimeLeft
 from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ TABLE_WIDTH = 120
 MAX_UNWRAPPED = 24
 # Minimum time between progress lines, and before the first line, without a terminal [s].
 PROGRESS_PERIOD = 10.0
+# Shortest time until the end of a step that is shown [s].
+SHOWN_TIME_LEFT = 2.0
 
 
 def print_lines(*texts: str, err: bool = False) -> None:
@@ -79,6 +81,7 @@ class ProgressDisplay:
     def __init__(self, title: str) -> None:
         self._title = title
         self._last = time.monotonic()
+        self._time_left = TimeLeft(time.monotonic)
         self._bar: Any = None
         # Steps can come from the thread that compiles.
         self._lock = threading.Lock()
@@ -87,16 +90,26 @@ class ProgressDisplay:
 
     def __call__(self, step: Step) -> None:
         """Show a step."""
-        text = to_line(f"{self._title}: {step}")
         now = time.monotonic()
+        left = self._time_left.after(step)
+        shown_left = ""
+        if left is not None and left >= SHOWN_TIME_LEFT:
+            shown_left = f", about {write_time(left)} left"
+        text = to_line(f"{self._title}: {step}")
         if sys.stderr.isatty():
             with self._lock:
                 bar = self._bar = self._bar or _start_bar()
             total = None if step.done is None else 1.0
-            bar.update(bar.task_ids[0], description=text, completed=step.done or 0.0, total=total)
+            bar.update(
+                bar.task_ids[0],
+                description=f"{text}{shown_left}",
+                completed=step.done or 0.0,
+                total=total,
+            )
         elif now >= self._last + PROGRESS_PERIOD:
             self._last = now
-            print_lines(text if step.done is None else f"{text}, {step.done:.0%}", err=True)
+            share = "" if step.done is None else f", {step.done:.0%}"
+            print_lines(f"{text}{share}{shown_left}", err=True)
 
     def note_compilation(self, name: str) -> None:
         """Show the compilation of a function, and print one line before the first."""
@@ -117,6 +130,13 @@ class ProgressDisplay:
             if self._bar is not None:
                 self._bar.stop()
             self._bar = None
+
+
+def write_time(seconds: float) -> str:
+    """Write a time [s] in seconds or minutes, without decimals."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min"
 
 
 def _start_bar() -> Any:

@@ -28,9 +28,11 @@ from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import servo_yaml
 from armcontour.files.log_file import log_text, read_log
+from armcontour.files.sources import recording_files
 from armcontour.motion import Log
 from armcontour.motion.log import arrange_joints
 from armcontour.report.identification import render_identification
+from armcontour.report.origin import Origin
 from armcontour.robot import Arm
 
 if TYPE_CHECKING:
@@ -60,13 +62,15 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
         from armcontour.cli.check_command import named_arm
 
         arm = named_arm(options.arm)
-    unseen = [_read(log, options, arm) for log in options.validate or []]
-    samples = [_read(log, options, arm) for log in options.logs]
+    with recording_files() as sources:
+        unseen = [_read(log, options, arm) for log in options.validate or []]
+        samples = [_read(log, options, arm) for log in options.logs]
     fit = identification.identify(samples, replace(fitting, kinematics=arm), progress=progress)
     validated = [fit.predict(log) for log in unseen]
     printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
     predictions = (Row("predictions", [plain(x.to_data()) for x in validated]),) * bool(validated)
-    return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], predictions)
+    origin = Origin(sources=sources)
+    return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], origin, predictions)
 
 
 def _identify_robot(
@@ -110,7 +114,8 @@ def _identify_robot(
         return Outcome(
             lines=[*data_lines(data), *logs, end], page=plain(data), code=code, error=result.lost
         )
-    return _outcome(result.fit, folder, result.logs, [result.prediction.to_data(job.arm)])
+    further = [result.prediction.to_data(job.arm)]
+    return _outcome(result.fit, folder, result.logs, further, Origin.of(job))
 
 
 def _write_lost(result: RobotIdentification, folder: ResultFolder | None) -> list[str]:
@@ -140,11 +145,13 @@ def _outcome(
     folder: ResultFolder | None,
     logs: Mapping[str, Log],
     further: Sequence[Data],
+    origin: Origin,
     rows: tuple[Row, ...] = (),
 ) -> Outcome:
     """Write the servo, the logs and the report.
 
-    `further`: further results to print; `rows`: further rows of the JSON output.
+    `further`: further results to print; `origin`: that of the report; `rows`: further rows of the
+    JSON output.
     """
     data = fit.to_data()
     servo = []
@@ -154,7 +161,7 @@ def _outcome(
             servo = [f"Servo: {folder.folder / 'servo.yaml'}. Copy its key servo to a job file."]
         for name, log in logs.items():
             folder.write(f"{name}.csv", log_text(log))
-        folder.write(REPORT, render_identification(fit))
+        folder.write(REPORT, render_identification(fit, origin))
     lines = data_lines(data)
     for x in further:
         lines += data_lines(x)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from armcontour import files, report
+from armcontour import files, jobs, report
 from armcontour.cli.command_execution import REPORT, Outcome, report_line
 from armcontour.cli.commands import Batch, Certify, Place
 from armcontour.cli.console import table_lines
@@ -26,9 +31,13 @@ from armcontour.core.progress import Progress
 from armcontour.core.quantities import Angle, Length
 from armcontour.core.render import compare, plain, text
 from armcontour.core.result import TABLE
+from armcontour.core.source_file import SourceFile
+from armcontour.core.text import Keys
 from armcontour.files import batch as batches
 from armcontour.files.certificate_and_placement_files import certificate_page
 from armcontour.files.job_file import drawing_text, job_text
+from armcontour.report.batch_report import BatchEntry, people_name, render_batch
+from armcontour.report.origin import Origin
 from armcontour.studies import certification
 from armcontour.studies import placement as places
 
@@ -59,7 +68,7 @@ def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Out
     )
     data = placement.to_data()
     lines = str(placement).splitlines()
-    folder.write(REPORT, report.render_placement(placement))
+    folder.write(REPORT, report.render_placement(placement, _plan_best(placement)))
     folder.write("placement.csv", files.placement_csv(placement))
     lines += [f"Note: {x}" for x in (*data.notes, *job.arm.notes)]
     if placement.best is not None:
@@ -69,6 +78,14 @@ def place(options: Place, folder: files.ResultFolder, progress: Progress) -> Out
         except InvalidInput as error:
             lines.append(f"Note: {error}")
     return Outcome(lines=lines, page=plain(data), code=int(placement.best is None))
+
+
+def _plan_best(placement: places.Placement) -> jobs.RunResult | None:
+    """Plan the best place again for its drawing; None if no place is feasible."""
+    if placement.best is None:
+        return None
+    job = replace(placement.placed(), runs=(placement.run,))
+    return jobs.run(job, simulate=False).runs[placement.run.name]
 
 
 def read_axis(name: str, text: str) -> FloatArray:
@@ -134,7 +151,10 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     if any(errors):
         header = (*header, "")
         rows = [(*x, y) for x, y in zip(rows, errors, strict=True)]
-    page = report.render_table(f"Batch of {result.title}", counts, header, rows)
+    origin = Origin(job=options.job.name, sources=result.sources)
+    page = render_batch(
+        f"Batch of {result.title}", counts, header, rows, _entries(result, patch, options), origin
+    )
     file_access.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
     lines = [
         *table_lines(cells, f"{result.title}: {counts}", names=1 + len(over)),
@@ -145,13 +165,44 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     return Outcome(lines=lines, code=int(batches.FAILED in result.counts))
 
 
+def _entries(result: batches.Batch, patch: Mapping[Keys, Any], options: Batch) -> list[BatchEntry]:
+    """Return the rows of a batch for its report, each with the command that runs it alone."""
+    several = len({x.run for x in result.rows if x.run}) > 1
+    entries = []
+    for row in result.rows:
+        values = {".".join(map(str, key)): value for key, value in patch.items()} | dict(row.values)
+        command = ["armcontour", "run", str(options.job)]
+        if options.cell is not None:
+            command += ["--cell", str(options.cell)]
+        for key, value in values.items():
+            command += ["--set", f"{key}={value if isinstance(value, str) else json.dumps(value)}"]
+        command += ["--out", f"job_{row.job}"]
+        named = [f"{people_name(key)} {value}" for key, value in row.values.items()]
+        entries.append(
+            BatchEntry(
+                name=f"{row.job} {row.run}" if several else str(row.job),
+                values=", ".join(named),
+                data=row.data,
+                error=row.error,
+                command=shlex.join(command),
+            )
+        )
+    return entries
+
+
 def certify(options: Certify, folder: files.ResultFolder | None, progress: Progress) -> Outcome:
     """Find the fastest plan whose execution stays within a tolerance."""
     job = open_job(options.job, options, progress)
     certificate = certification.certify(job, run=options.run_name, progress=progress)
     if folder is not None:
         write_motions(folder, job, certificate.job_result.runs)
-        page = report.render_report(certificate.job_result, certificate=certificate)
+        run = certificate.result
+        text_of_file = "".join(files.set_point_pieces(run.set_points, job.arm.joint_names))
+        page = report.render_report(
+            certificate.job_result,
+            certificate=certificate,
+            set_points=SourceFile.from_text(f"{run.run.name}/set_points.csv", text_of_file),
+        )
         folder.write(REPORT, page)
     data = certificate.to_data()
     lines = [

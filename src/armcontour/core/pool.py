@@ -35,6 +35,8 @@ MAX_THREADS = 8
 FEWEST_ITEMS = 12
 # Approximate time to start a process [s]. Work is shared if each process saves twice this time.
 PROCESS_START_TIME = 1.0
+# Approximate time to send an item to a process, and to receive its result [s].
+TRANSFER_TIME = 1e-3
 # Largest number of processes that plan moves; each needs about as much memory as this one.
 MAX_PROCESSES = 8
 # Smallest number of chunks for an executor; each chunk carries the pickled work.
@@ -322,7 +324,7 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
     begin = time.thread_time()
     count = 0
     for k, item in enumerate(items):
-        count = _count_processes(time.thread_time() - begin, k / len(items)) if k else 0
+        count = _count_processes(time.thread_time() - begin, k, len(items)) if k else 0
         if count > 1:
             break
         yield work(item)
@@ -342,10 +344,12 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
                 yield from results
 
 
-def _count_processes(spent: float, fraction: float) -> int:
-    """Return how many processes save more time than they take to start; 0 for none."""
+def _count_processes(spent: float, done: int, count: int) -> int:
+    """Return how many processes save more time than they and their items cost; 0 for none.
+
+    - `spent`: time that the first `done` of `count` items took [s].
+    """
     if spent < PROCESS_START_TIME / 4 or is_child() or not can_start():
         return 0
-    return min(
-        processors(), MAX_PROCESSES, int(spent * (1 / fraction - 1) / (2 * PROCESS_START_TIME))
-    )
+    saved = (count - done) * (spent / done - TRANSFER_TIME)
+    return max(0, min(processors(), MAX_PROCESSES, int(saved / (2 * PROCESS_START_TIME))))

@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "armcontour.core.errors": "FileError",
-    "exports.export_table": "write_planned write_set_points write_torque",
+    "exports.export_table": "set_point_pieces write_planned write_set_points write_torque",
     "job_file": "cell_text json_schema parse_job read_job",
     "limits_and_servo_files": "read_limits",
     "mesh_file": "read_mesh",

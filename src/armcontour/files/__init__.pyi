@@ -2,6 +2,7 @@ from armcontour.core.errors import FileError as FileError
 from armcontour.files.certificate_and_placement_files import certificate_page as certificate_page
 from armcontour.files.certificate_and_placement_files import placed_job_text as placed_job_text
 from armcontour.files.certificate_and_placement_files import placement_csv as placement_csv
+from armcontour.files.exports.export_table import set_point_pieces as set_point_pieces
 from armcontour.files.exports.export_table import write_planned as write_planned
 from armcontour.files.exports.export_table import write_set_points as write_set_points
 from armcontour.files.exports.export_table import write_torque as write_torque

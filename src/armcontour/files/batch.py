@@ -23,10 +23,12 @@ from armcontour.core.pool import open_executor, run_all
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import compare, jsonable, lay_out
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
+from armcontour.core.source_file import SourceFile
 from armcontour.core.text import Keys, count_noun, short_repr, show
 from armcontour.files.exports.export_checks import check_exports
 from armcontour.files.job_file import read_job
 from armcontour.files.job_patch import Patch, key_of
+from armcontour.files.sources import CHANGED
 from armcontour.jobs import Job, run
 
 # Name of the file with a line of JSON per job, in the order in which the jobs are completed.
@@ -72,10 +74,12 @@ class Batch:
     Args:
         title: Name of the job file or drawing, and number of jobs.
         rows: The rows, in the order of the combinations.
+        sources: Files from which the first valid job was read.
     """
 
     title: str
     rows: tuple[BatchRow, ...]
+    sources: tuple[SourceFile, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -176,7 +180,10 @@ def batch(
             counts[line["status"]] += 1
             report(_completed(counts, len(tasks)))
         rows = _collect_rows(keys, tasks, lines)
-        result = Batch(title=f"{file.name}: {count_noun(len(tasks), 'job')}", rows=rows)
+        title = f"{file.name}: {count_noun(len(tasks), 'job')}"
+        # The values of the jobs differ, so they are no source of the batch.
+        sources = tuple(x for x in first.sources if not x.name.startswith(CHANGED))
+        result = Batch(title=title, rows=rows, sources=sources)
         if out is not None:
             _write_table(FilePath(out) / TABLE, result.table())
         return result

@@ -26,6 +26,7 @@ from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import PartialFields
+from armcontour.core.source_file import SourceFile
 from armcontour.core.text import Keys, key_text, make_printable, shorten, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.drawings.path_reader import YAML
@@ -39,6 +40,7 @@ from armcontour.files.job_run import run_of
 from armcontour.files.job_text_edits import REMOVE, line_of, move_files
 from armcontour.files.model.edge_rules import MODELS
 from armcontour.files.scene_file import SceneModel, scene_of
+from armcontour.files.sources import recording_sources
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -82,9 +84,10 @@ def parse_job(
         InvalidInput: As in `read_job`.
     """
     data = read_job_mapping(text, source)
-    with file_context(text, source, patch):
+    origin = SourceFile.from_text(source, text)
+    with file_context(text, source, patch), recording_sources(origin, patch) as with_sources:
         model: JobModel = read_keys(JobModel, apply_patch(data, patch or {}))
-        return job_of(model, folder or FilePath(), reading)
+        return with_sources(job_of(model, folder or FilePath(), reading))
 
 
 @contextmanager
@@ -374,10 +377,12 @@ def read_cell(
     drawn = drawing_patch(file, str(file.absolute()), data)
     with error_context(opened.source):
         model: CellModel = read_keys(CellModel, apply_patch(data, {**drawn, **(patch or {})}))
-    # Messages of errors in the drawing name only the drawing, not the cell.
-    program = read_drawing(model.path, str(model.path.file), opened.folder, reading)
-    with error_context(opened.source):
-        return job_of(model, opened.folder, reading, program)
+    origin = SourceFile.from_text(opened.source, opened.text)
+    with recording_sources(origin, patch) as with_sources:
+        # Messages of errors in the drawing name only the drawing, not the cell.
+        program = read_drawing(model.path, str(model.path.file), opened.folder, reading)
+        with error_context(opened.source):
+            return with_sources(job_of(model, opened.folder, reading, program))
 
 
 def read_cell_scene(cell: str | FilePath) -> tuple[Arm | None, Scene]:

@@ -14,6 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import log
 from armcontour.core.quantities import NO_KEY, Duration, Frequency, Size, Speed, Tolerance
+from armcontour.core.text import Keys
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path, cut_path
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
@@ -49,6 +50,9 @@ MAX_TURN = np.radians(10.0)
 LENGTH_ROUNDING = 1e-12
 # If at least this fraction of a seam is too short for the weave, nothing is woven.
 NOTHING_WOVEN = 0.999
+# Remedies for a weave with neither pitch nor frequency, and with both.
+FIRST_PITCH: tuple[dict[Keys, str], ...] = ({("pitch",): "2 mm"},)
+ONE_OF_BOTH: tuple[dict[Keys, None], ...] = ({("frequency",): None}, {("pitch",): None})
 # Largest fraction of the pitch for both dwells of a wave.
 MAX_DWELL = 0.8
 
@@ -76,7 +80,10 @@ class Weave(Checked):
 
     def _check_together(self) -> None:
         if (self.pitch is None) == (self.frequency is None):
-            raise InvalidInput("A weave needs exactly one of pitch and frequency.")
+            raise InvalidInput(
+                "A weave needs exactly one of pitch and frequency.",
+                remedies=FIRST_PITCH if self.pitch is None else ONE_OF_BOTH,
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

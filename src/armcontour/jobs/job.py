@@ -33,6 +33,7 @@ from armcontour.core.quantities import (
     SpeedFactor,
 )
 from armcontour.core.render import number
+from armcontour.core.source_file import SourceFile
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
@@ -453,6 +454,7 @@ class Job(Checked):
         export: Files for robot controllers that the command `run` writes; they name neither outputs
             nor inputs if the process is off.
         part: Part frame, with which the path is already transformed.
+        sources: Files from which the job was read, for reports.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -477,6 +479,7 @@ class Job(Checked):
     scene: Scene | None = None
     export: Exports = field(default_factory=Exports)
     part: Frame = field(default_factory=Frame)
+    sources: tuple[SourceFile, ...] = ()
     program: Program = field(init=False)
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between
 from armcontour.core.render import number, number_range
 from armcontour.geometry import count_full_stops
@@ -32,6 +32,8 @@ MAX_CREST_DISTANCE = 0.75
 WEAVE_TOLERANCE = 0.02
 # Torques are computed at this number of times, and at the breaks of the plan.
 QUANTITY_SAMPLES = 4000
+# Number of times at which torques are computed together, to limit the memory.
+TIMES_AT_ONCE = 50_000
 
 
 class JerkStop(NamedTuple):
@@ -158,45 +160,24 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Torques(Frozen):
-    """Drive torques over time.
+def peak_torques(arm: Arm, plan: Trajectory) -> FloatArray | None:
+    """Return the largest absolute torque of each joint in a plan [N m], (dof,).
 
-    Args:
-        t: Times [s], (n,).
-        values: Torques [N m], (n, dof).
+    The torques are computed at regular times, and on both sides of every break, where they may
+    jump. None if the arm's masses are unknown.
     """
-
-    t: FloatArray
-    values: FloatArray
-
-    @property
-    def peak(self) -> FloatArray:
-        """Largest absolute torque of each joint [N m], (dof,)."""
-        return np.asarray(np.abs(self.values).max(axis=0))
-
-
-def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
-    """Compute a plan's torques over time; None if the arm's masses are unknown."""
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, QUANTITY_SAMPLES), plan.breaks)
     # The first time has no torques from the left, and the last time none from the right.
-    before = torques_at(arm, plan, t[1:], side="left")
-    after = torques_at(arm, plan, t[:-1])
-    values = np.stack([after, before], axis=1).reshape(-1, arm.dof)
-    # Every inner time occurs twice, with the torques before and after a possible jump.
-    return Torques(t=np.repeat(t, 2)[1:-1], values=values)
-
-
-def applied_torques(executed: Execution) -> Torques | None:
-    """Return the drive torques in a simulation; None if it has none."""
-    return None if executed.torque is None else Torques(t=executed.t, values=executed.torque)
-
-
-def torques_at(arm: Arm, plan: Trajectory, t: FloatArray, *, side: str = "right") -> FloatArray:
-    """Compute a plan's torques [N m], (n, dof), at times t [s], (n,); at jumps, on one `side`."""
-    return arm.torque(*plan.motion(t, side=side))
+    sides = (("right", t[:-1]), ("left", t[1:]))
+    peak = np.zeros(arm.dof)
+    for side, times in sides:
+        for first in range(0, len(times), TIMES_AT_ONCE):
+            part = times[first : first + TIMES_AT_ONCE]
+            torques = arm.torque(*plan.motion(part, side=side))
+            peak = np.maximum(peak, np.abs(torques).max(axis=0))
+    return peak
 
 
 def angular_speed(execution: Execution) -> FloatArray | None:

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from armcontour._version import __version__
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import quantities
@@ -16,9 +18,7 @@ from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.geometry.shaped_path import SHAPED
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.plan_quantities import (
-    Torques,
     angular_speed,
-    applied_torques,
     largest_lean,
     largest_tilt,
 )
@@ -279,7 +279,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
         label = "tool axis from the required axis, largest"
         yield Row("lean", lean, "rad", label, "planned, on contours")
     limit = result.run.limits.joint_torque
-    yield from _torque_rows(result.arm, limit, result.torques, "planned")
+    yield from _torque_rows(result.arm, limit, result.peak_torques, "planned")
 
 
 def _experiment_rows(result: RunRecord) -> Iterator[Row]:
@@ -293,7 +293,8 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
     data = experiment.evaluation.to_data()
     motion = experiment.execution
     limit = result.run.limits.joint_torque
-    torques = _torque_rows(result.arm, limit, applied_torques(motion), "applied")
+    applied = None if motion.torque is None else np.abs(motion.torque).max(axis=0)
+    torques = _torque_rows(result.arm, limit, applied, "applied")
     for row in [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *torques]:
         if row.name == "duration":  # `verdict_rows` has the row that is shown
             yield replace(row, level=FILE)
@@ -319,12 +320,11 @@ def _angular_rows(execution: Execution) -> Iterator[Row]:
 
 
 def _torque_rows(
-    arm: Arm, limit: FloatArray | None, torques: Torques | None, kind: str
+    arm: Arm, limit: FloatArray | None, peak: FloatArray | None, kind: str
 ) -> Iterator[Row]:
-    """Yield the largest torques, their limits, and assumed mass parameters."""
-    if torques is None:
+    """Yield the largest torques [N m], (dof,), their limits, and assumed mass parameters."""
+    if peak is None:
         return
-    peak = torques.peak
     yield Row("torque.peak", peak, arm.chain.unit("N m"))
     yield Row("torque.limit", limit, arm.chain.unit("N m"))
     yield Row("torque.assumed", arm.chain.assumed or None)

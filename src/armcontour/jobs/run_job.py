@@ -49,7 +49,8 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
         job: The job.
         simulate: Whether to execute and evaluate; otherwise runs end with their set-points.
         progress: Called before each step with its names, such as ("proposed", "timing"). While a
-            program is traced or planned, called again with the fraction that is done.
+            program is traced, planned or evaluated, called again after every contour with its
+            number and the fraction that is done.
 
     Raises:
         ArmContourError: The error of the first run that fails.
@@ -107,7 +108,7 @@ def _simulate(
     progress(Step(("execution",)))
     executed = simulate_run(job, planned.set_points)
     progress(Step(("evaluation",)))
-    evaluation = evaluate_run(run, executed, path, objective)
+    evaluation = evaluate_run(run, executed, path, objective, progress)
     result = replace(
         planned,
         execution=executed,
@@ -154,9 +155,22 @@ def simulate_experiment(
     return simulate_run(job, set_points, plant)
 
 
-def evaluate_run(run: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
+def evaluate_run(
+    run: Run,
+    executed: Execution,
+    path: Program,
+    objective: Program,
+    progress: Progress | None = None,
+) -> Evaluation:
     """Evaluate the executed motion of a run: contour errors and use of limits."""
-    return evaluate(executed, path, objective=objective, end_time=run.end_time, limit_use=True)
+    return evaluate(
+        executed,
+        path,
+        objective=objective,
+        end_time=run.end_time,
+        limit_use=True,
+        progress=progress,
+    )
 
 
 def expect_errors(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Self
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
@@ -15,10 +16,9 @@ from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import (
     CURVATURE_JUMPS,
     JerkStop,
-    Torques,
     Weaving,
     jerk_stops,
-    planned_torques,
+    peak_torques,
     stops_of_path,
     weavings,
 )
@@ -258,9 +258,9 @@ class RunRecord:
         return None if rounding is None else rounding.tolerance
 
     @cached_property
-    def torques(self) -> Torques | None:
-        """Torques of the plan over time; None if the masses of the arm are unknown."""
-        return planned_torques(self.arm, self.trajectory)
+    def peak_torques(self) -> FloatArray | None:
+        """Largest planned torque of each joint [N m], (dof,); None if the masses are unknown."""
+        return peak_torques(self.arm, self.trajectory)
 
     @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:

@@ -21,6 +21,7 @@ from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, draw, short_repr
 from armcontour.geometry import Path
+from armcontour.motion.joined_laws import JoinedLaws
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
@@ -28,6 +29,8 @@ from armcontour.robot import Arm, Limits
 DEFAULT_CYCLE = 4e-3
 # Largest number of times that are computed together, which limits the memory.
 TIMES_AT_ONCE = 50_000
+# Largest number of laws that are evaluated together, which limits the memory of their copies.
+LAWS_AT_ONCE = 500
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
 COMMAND_SLACK = 1e-9
@@ -158,8 +161,22 @@ class TimedWait:
         return replace(self, t=self.t + by) if by else self
 
 
+class LawGroup(NamedTuple):
+    """Times whose laws are evaluated together.
+
+    Args:
+        laws: Indices of the laws, increasing; one law, or several path laws.
+        indices: Where the times are among all requested ones, (m,).
+        number: Position of each time's law among `laws`, (m,).
+    """
+
+    laws: list[int]
+    indices: IntArray
+    number: IntArray
+
+
 class TimesOfLaw(NamedTuple):
-    """The requested times, or arc lengths, that belong to one law of a trajectory.
+    """The requested arc lengths that belong to one law of a trajectory.
 
     Args:
         law: Index of the law.
@@ -460,11 +477,7 @@ class Trajectory(Checked):
     ) -> tuple[FloatArray, ...]:
         """Evaluate the laws at times, `t.shape + (dof,)` for each order."""
         outputs: tuple[FloatArray, ...] = ()
-        for k, indices, i, law_t in self.locate(t.ravel(), side):
-            if len(orders) == 1:
-                values: tuple[FloatArray, ...] = (self.laws[k].on_interval(i, law_t, orders[0]),)
-            else:
-                values = self.laws[k].motion(i, law_t, orders[-1])
+        for indices, values in self._values_by_law(t.ravel(), side, orders):
             if len(indices) == t.size:
                 # One group has all times, in order. A user's law may return arrays of another type.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
@@ -479,6 +492,23 @@ class Trajectory(Checked):
         if t.ndim == 1:
             return outputs
         return tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
+
+    def _values_by_law(
+        self, t: FloatArray, side: str, orders: tuple[int, ...]
+    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
+        """Yield the indices of some times, (m,), and the values at them, (m, dof) per order."""
+        for group in self._group(t, self._law_index(t, side)):
+            times = t[group.indices]
+            if len(group.laws) > 1:
+                values = self._join(group).motion(group.number, times, side, orders)
+                yield group.indices, values
+                continue
+            law = self.laws[group.laws[0]]
+            i, law_t = self._within(group.laws[0], times, side)
+            if len(orders) == 1:
+                yield group.indices, (law.on_interval(i, law_t, orders[0]),)
+            else:
+                yield group.indices, law.motion(i, law_t, orders[-1])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """Return joint positions or a derivative, (n, dof), at rest before and after the motion.
@@ -526,12 +556,17 @@ class Trajectory(Checked):
         """
         times = self._clip_times(t, checks.derivative(order, 2))
         self._check_arc_length()
-        lengths = np.empty(times.size)
-        for k, indices, i, law_t in self.locate(times.ravel(), side):
-            part = self._law_ranges[k]
-            lengths[indices] = part.offset if order == 0 else 0.0
-            if part.law is not None:
-                lengths[indices] += part.law.path_position(i, law_t, order)
+        t = times.ravel()
+        lengths = np.zeros(times.size)
+        for group in self._group(t, self._law_index(t, side)):
+            ranges = [self._law_ranges[k] for k in group.laws]
+            if order == 0:
+                lengths[group.indices] = np.array([x.offset for x in ranges])[group.number]
+            # In rapids and dwells, the arc length is constant.
+            moving = np.array([x.law is not None for x in ranges])[group.number]
+            if moving.any():
+                chosen = LawGroup(group.laws, group.indices[moving], group.number[moving])
+                lengths[chosen.indices] += self._arc_length(chosen, t, order, side)
         return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
@@ -594,23 +629,59 @@ class Trajectory(Checked):
             values.setflags(write=False)
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
-    def locate(self, t: FloatArray, side: str = "right") -> Iterator[TimesOfLaw]:
-        """Group times by law.
+    def _arc_length(self, group: LawGroup, t: FloatArray, order: int, side: str) -> FloatArray:
+        """Return the arc lengths of a group's laws, or a derivative, at its times, (m,).
 
-        Args:
-            t: Times from 0 to `duration` [s], (n,).
-            side: "right" or "left": the interval to which a break belongs.
+        - `t`: all requested times [s], (n,).
         """
-        law_index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
-        for k, indices in _group_by_law(np.clip(law_index, 0, len(self.laws) - 1)):
-            start = self.starts[k]
-            breaks = self.laws[k].breaks
-            # `t - start` can be rounded to either side of the law's break. Therefore t is
-            # compared with `start + breaks`, the sums that the property `breaks` also returns.
-            i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
-            i = np.clip(i, 0, len(breaks) - 2)
-            law_t = np.clip(t[indices] - start, breaks[i], breaks[i + 1])
-            yield TimesOfLaw(k, indices, i, law_t)
+        times = t[group.indices]
+        if len(group.laws) > 1:
+            return np.asarray(self._join(group).path_motion(group.number, times, side)[1][order])
+        k = group.laws[0]
+        law = self._law_ranges[k].law
+        assert law is not None
+        return law.path_position(*self._within(k, times, side), order)
+
+    def _law_index(self, t: FloatArray, side: str) -> IntArray:
+        """Return the index of the law of each time [s], (n,); at a break, on one `side`."""
+        index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self.laws) - 1)
+
+    def _group(self, t: FloatArray, law_index: IntArray) -> Iterator[LawGroup]:
+        """Group times whose laws are evaluated together, in groups of limited size.
+
+        - `t`, `law_index`: times and the indices of their laws, (n,) each.
+        """
+        if len(self.laws) == 1 and len(t) <= TIMES_AT_ONCE:
+            yield LawGroup([0], np.arange(len(t)), law_index)
+            return
+        for indices in _batches(law_index):
+            laws, number = np.unique(law_index[indices], return_inverse=True)
+            joinable = np.array([type(self.laws[k]) is PathLaw for k in laws])
+            if np.count_nonzero(joinable) < 2:
+                joinable[:] = False
+            if joinable.any():
+                rows = joinable[number]
+                number_among = (np.cumsum(joinable) - 1)[number[rows]]
+                yield LawGroup(laws[joinable].tolist(), indices[rows], number_among)
+            for k in np.flatnonzero(~joinable):
+                rows = np.flatnonzero(number == k)
+                yield LawGroup([int(laws[k])], indices[rows], np.zeros(len(rows), dtype=np.intp))
+
+    def _join(self, group: LawGroup) -> JoinedLaws:
+        """Join the path laws of a group."""
+        laws = [x for x in (self.laws[k] for k in group.laws) if isinstance(x, PathLaw)]
+        return JoinedLaws.join(laws, self.starts[group.laws])
+
+    def _within(self, k: int, t: FloatArray, side: str) -> tuple[IntArray, FloatArray]:
+        """Return the intervals of law k at times [s], (n,), and the times since its start."""
+        start = self.starts[k]
+        breaks = self.laws[k].breaks
+        # `t - start` can be rounded to either side of the law's break. Therefore t is
+        # compared with `start + breaks`, the sums that the property `breaks` also returns.
+        i = np.searchsorted(start + breaks, t, side=checks.check_side(side)) - 1
+        i = np.clip(i, 0, len(breaks) - 2)
+        return i, np.clip(t - start, breaks[i], breaks[i + 1])
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Clip times to the trajectory [s]; raise InvalidInput for times outside."""
@@ -740,6 +811,30 @@ def _law_range(law: Law, offset: float) -> _LawRange:
     if not isinstance(law, LawAlongPath):
         return _LawRange(None, (np.nan, np.nan), np.nan)
     return _LawRange(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
+
+
+def _batches(law_index: IntArray) -> Iterator[IntArray]:
+    """Divide times into batches with limited numbers of times and laws; yields their indices.
+
+    A single batch has the times in their order.
+
+    - `law_index`: index of the law of each time, (n,).
+    """
+    count = len(law_index)
+    if count == 0:
+        return
+    span = int(law_index.max() - law_index.min()) + 1
+    if count <= TIMES_AT_ONCE and span <= LAWS_AT_ONCE:
+        yield np.arange(count)
+        return
+    order = np.arange(count)
+    if (np.diff(law_index) < 0).any():
+        order = np.argsort(law_index, kind="stable")
+    by_law = (law_index[order] - law_index.min()) // LAWS_AT_ONCE
+    edges = np.union1d(
+        np.flatnonzero(np.diff(by_law)) + 1, np.arange(TIMES_AT_ONCE, count, TIMES_AT_ONCE)
+    )
+    yield from np.split(order, edges.astype(np.intp))
 
 
 def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:

@@ -119,7 +119,7 @@ class IntervalEnds:
         n = len(self.grid)
         if LIMITS[name].order < 3:
             ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
-            return np.asarray(ratio.max(axis=1))
+            return np.maximum(ratio[:, 0], ratio[:, 1])
         inside = States(self.arm, self.law.motion(*self.places, 3))
         use = inside.use(name, limits)
         return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
@@ -420,8 +420,13 @@ class JointMotion(Constraint):
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Return the bounds of velocities and accelerations; the planner converts them to rows."""
-        dof = path.grid.joint_path.dof
-        return (JointBounds.from_limits(dof, (self.low, self.high), self.velocity),)
+        return (self._form,)
+
+    @cached_property
+    def _form(self) -> JointBounds:
+        """The bounds of all joints, which are the same on every grid."""
+        dof = max(len(self.low), len(self.velocity[0]))
+        return JointBounds.from_limits(dof, (self.low, self.high), self.velocity)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
         """Return the rows of the acceleration g = q' u + q'' x of each joint, with their rise.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.memory import content_key, is_remembering, remembered
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.core.text import limit_label
@@ -289,7 +291,16 @@ def explain(
                 f"{trajectory.method}."
             )
         laws.append((x.t[0], x.s[0], law))
-    explanation = _join([_explain_law(law, arm, bounds, constraints, (t, s)) for t, s, law in laws])
+    key: tuple[Hashable, ...] = ()
+    if is_remembering():
+        key = arm, content_key(bounds), *constraints
+    parts = []
+    for t, s, law in laws:
+        part = remembered(
+            ("explanation", law, *key), partial(_explain_law, law, arm, bounds, constraints)
+        )
+        parts.append(part.moved(t, s))
+    explanation = _join(parts)
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:
         if span.kind in IDLE:
@@ -307,6 +318,16 @@ class _LawExplanation:
     with_assigned: tuple[float, float]
     # Length [m] and time [s] of the intervals at the assigned velocity
     reached: tuple[float, float]
+
+    def moved(self, t: float, s: float) -> _LawExplanation:
+        """Return the explanation if the law starts at a time [s] and an arc length [m]."""
+        bindings = []
+        for x in self.bindings:
+            times = (t + x.t[0], t + x.t[1])
+            lengths = (s + x.s[0], s + x.s[1])
+            bindings.append(replace(x, t=times, s=lengths))
+        shortfalls = tuple(replace(x, s=s + x.s) for x in self.shortfalls)
+        return replace(self, bindings=tuple(bindings), shortfalls=shortfalls)
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
@@ -327,9 +348,8 @@ def _explain_law(
     arm: Arm,
     bounds: Limits,
     constraints: Sequence[Constraint],
-    offsets: tuple[float, float],
 ) -> _LawExplanation:
-    """Explain one law; `offsets` are its start time [s] and start arc length [m] in the motion."""
+    """Explain one law, with times and arc lengths from its start."""
     middle = (law.s[:-1] + law.s[1:]) / 2
     grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
     ends = IntervalEnds(arm, law, grid)
@@ -348,17 +368,19 @@ def _explain_law(
             continue
         joints = range(arm.dof) if LIMITS[limit].kind == "joint" else (None,)
         names += [(LIMITS[limit].label, x) for x in joints]
-    # A limit of the run that is also used up is the cause, not a slightly stricter constraint.
-    free = np.concatenate(used, axis=1).max(axis=1) < ACTIVE
-    for constraint in constraints:
-        used.append(constraint.usage(ends) * free[:, None])
-        names += constraint.names
-    shares = np.concatenate(used, axis=1)
+    # Rows of limits are compared faster than columns.
+    shares = np.concatenate([x.T for x in used])
+    if constraints:
+        # A limit of the run that is also used up is the cause, not a slightly stricter constraint.
+        free = shares.max(axis=0) < ACTIVE
+        shares = np.concatenate([shares, *(x.usage(ends).T * free for x in constraints)])
+        for constraint in constraints:
+            names += constraint.names
     limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.limits_jerk else ACTIVE)
     shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
-        _bindings(law, shares.max(axis=1), limit_index, names, offsets),
-        tuple(replace(x, s=offsets[1] + x.s) for x in shortfalls),
+        _bindings(law, shares.max(axis=0), limit_index, names),
+        shortfalls,
         _measure_extent(law, np.isfinite(assigned)),
         _measure_extent(law, reached),
     )
@@ -367,12 +389,12 @@ def _explain_law(
 def _find_active(shares: FloatArray, threshold: float) -> IntArray:
     """Return the column of the active limit on each interval, (n,); -1 for none.
 
-    `shares` are the used fractions, (n, limits).
+    `shares` are the used fractions, (limits, n).
 
     A limit is active from the fraction `threshold` on, regardless of neighbouring intervals.
     """
-    share = shares.max(axis=1)
-    most_used = shares.argmax(axis=1)
+    share = shares.max(axis=0)
+    most_used = shares.argmax(axis=0)
     certain = share >= threshold
     candidates = np.where(share >= min(threshold, ACTIVE_ADJACENT), most_used, -1)
     starts, count = _runs(candidates)
@@ -402,22 +424,19 @@ def _bindings(
     share: FloatArray,
     limit_index: IntArray,
     names: list[tuple[str, int | None]],
-    offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
-    """Return the parts of a law with the same active limit, in order.
+    """Return the parts of a law with the same active limit, in order, from its start.
 
     - `share`: largest used fraction of a limit on each interval, (n,).
     - `limit_index`, `names`: as in `_shortfalls`.
-    - `offsets`: start time [s] and start arc length [m] of the law in the motion.
     """
-    t_start, s_start = offsets
     starts, count = _runs(limit_index)
     largest = np.maximum.reduceat(share, starts)
     bindings = []
     for first, end, largest_share in zip(starts, starts + count, largest, strict=True):
         limit, joint = ("nothing", None) if limit_index[first] < 0 else names[limit_index[first]]
-        t = (t_start + float(law.breaks[first]), t_start + float(law.breaks[end]))
-        s = (s_start + float(law.s[first]), s_start + float(law.s[end]))
+        t = (float(law.breaks[first]), float(law.breaks[end]))
+        s = (float(law.s[first]), float(law.s[end]))
         bindings.append(Binding(limit=limit, joint=joint, t=t, s=s, share=float(largest_share)))
     return tuple(bindings)
 

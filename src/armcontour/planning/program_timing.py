@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,7 +12,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
-from armcontour.core.progress import Progress, Step
+from armcontour.core.memory import content_key, is_remembering, recall, remember
+from armcontour.core.progress import Progress, contour_step
 from armcontour.motion import (
     JointPath,
     Law,
@@ -66,22 +68,30 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
     joined = JoinedMoves(traced, timing.arm)
     moves = [(x.joint_path, traced.is_contour(x)) for x in traced.steps if x.joint_path is not None]
     time_move = partial(_time_move, timing, rapid_speed)
-    if len(moves) > 1:
+    key: tuple[Hashable, ...] = ()
+    if is_remembering():
+        key = timing.arm, content_key((timing.limits, timing.options, rapid_speed))
+    new = [x for x in moves if recall(("timing", *key, *x)) is None]
+    if len(new) > 1:
         from armcontour.core.pool import map_in_order
 
-        timed = map_in_order(time_move, moves)
+        timed = map_in_order(time_move, new)
     else:
-        timed = (time_move(x) for x in moves)
+        timed = (time_move(x) for x in new)
     with closing(timed) as plans:
         for step in traced.steps:
             trajectory = None
             if step.joint_path is not None:
-                with step.named():
-                    trajectory = _restore_joint_path(next(plans), step.joint_path)
+                key_of_move = "timing", *key, step.joint_path, traced.is_contour(step)
+                trajectory = recall(key_of_move)
+                if trajectory is None:
+                    with step.named():
+                        trajectory = _restore_joint_path(next(plans), step.joint_path)
+                    remember(key_of_move, trajectory)
             joined.add(step, trajectory)
             if traced.is_contour(step) and progress is not None:
                 number += 1
-                progress(Step(("timing",), number / count))
+                progress(contour_step("timing", number, count))
     return joined.trajectory()
 
 

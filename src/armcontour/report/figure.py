@@ -21,6 +21,7 @@ from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
 from armcontour.core.render import VERDICTS, number
 from armcontour.report.message_frame import MessageFrame
+from armcontour.report.origin import Origin
 from armcontour.report.style import MAX_POINTS, thin
 
 if TYPE_CHECKING:
@@ -37,6 +38,10 @@ X_DIGITS = 7
 HEIGHT = 150
 # Values whose digits say nothing to a reader, see `render.SIX_DECIMALS_BELOW`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
+# Lengths, angles and shares with more decimals than a page shows.
+FINE = re.compile(r"(?<![\d.])-?0\.0\d{3,}(?= (?:mm|deg|%))")
+# Decimals of these values on a page, so that none has more than another one beside it.
+DECIMALS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,8 +164,25 @@ class Figure(Picture):
     columns: tuple[str, ...] = ("",)
 
 
-def render_page(title: str, *chapters: Chapter, about: str = "", source: str = "") -> str:
-    """Render a self-contained HTML page; `about` and `source`: lines at its start and end."""
+NO_ORIGIN = Origin()
+
+
+def render_page(
+    title: str,
+    *chapters: Chapter,
+    about: str = "",
+    source: str = "",
+    origin: Origin = NO_ORIGIN,
+) -> str:
+    """Render a self-contained HTML page.
+
+    Args:
+        title: Title of the page.
+        *chapters: The chapters.
+        about: Line below the title.
+        source: Line at the end.
+        origin: What the page was computed from.
+    """
     pictures: dict[str, Picture] = {}
 
     def place(picture: Picture, key: str) -> Markup:
@@ -171,6 +193,7 @@ def render_page(title: str, *chapters: Chapter, about: str = "", source: str = "
         "report.html",
         version=__version__,
         verdicts=VERDICTS,
+        words={x["word"]: name.replace(" ", "-") for name, x in VERDICTS.items()},
         uplot_css=_static("vendor/uplot.css").decode(),
         figure=place,
         # The data are packed after the template has placed the figures.
@@ -179,6 +202,8 @@ def render_page(title: str, *chapters: Chapter, about: str = "", source: str = "
         chapters=chapters,
         about=about,
         source=source,
+        origin=origin,
+        date=origin.date,
     )
 
 
@@ -206,8 +231,11 @@ def _environment() -> Environment:
 
 
 def _without_noise(value: Any) -> Any:
-    """Return a value to display; in texts, tiny numbers are shortened."""
-    return TINY.sub("< 0.001", value) if type(value) is str else value
+    """Return a value to display; in texts, numbers with many decimals are shortened."""
+    if type(value) is not str:
+        return value
+    without_tiny = TINY.sub("< 0.001", value)
+    return FINE.sub(lambda x: f"{float(x[0]):.{DECIMALS}f}", without_tiny)
 
 
 def _packed(pictures: Mapping[str, Picture]) -> dict[str, str]:

@@ -8,13 +8,19 @@ from armcontour.control.identification import Identification
 from armcontour.core.render import LINES, number
 from armcontour.core.result import TABLE, Data
 from armcontour.core.text import capitalise
-from armcontour.report.figure import Curve, Figure, Plot, render_page
+from armcontour.report.figure import NO_ORIGIN, Curve, Figure, Plot, render_page
+from armcontour.report.origin import Origin
 from armcontour.report.section import Chapter, Front, Section, Tile, text_table, tiles
 
 # Gap between successive logs in the figures [s].
 APART = 1.0
 # Height of each joint plot [px].
-HEIGHT = 56
+HEIGHT = 64
+# Ends of the axis of residuals are these numbers times a power of ten, so that they are ticks.
+ROUND = (1.0, 2.0, 5.0, 10.0)
+# Smaller residuals are drawn as zero [rad or m].
+SMALLEST_RESIDUAL = 1e-9
+COMPUTED = "Everything on this page was computed from the logs."
 SOURCE = "predicted from the other parts, where not fitted"
 USE = (
     "Copy the key servo of servo.yaml to the job file. The job is then planned and compensated for "
@@ -22,13 +28,14 @@ USE = (
 )
 
 
-def render_identification(identification: Identification) -> str:
-    """Render the report of an identification as one self-contained HTML page."""
+def render_identification(identification: Identification, origin: Origin = NO_ORIGIN) -> str:
+    """Render the report of an identification as one self-contained HTML page.
+
+    `origin`: what it was computed from, such as the files of the logs.
+    """
     data = identification.to_data()
     chapter = Chapter(front=_front(identification, data), sections=_sections(identification, data))
-    return render_page(
-        data.title, chapter, source="Everything on this page was computed from the logs."
-    )
+    return render_page(data.title, chapter, source=COMPUTED, origin=origin)
 
 
 def _front(result: Identification, data: Data) -> Front:
@@ -76,9 +83,28 @@ def _sections(identification: Identification, data: Data) -> list[Section]:
     return [motion, errors] if any(x.rests for x in identification.joints) else [errors]
 
 
+def _largest_residual(identification: Identification, prismatic: bool) -> float:
+    """Return the largest residual of all revolute or all prismatic joints [rad or m]."""
+    largest = SMALLEST_RESIDUAL
+    for joint in identification.joints:
+        if joint.prismatic == prismatic:
+            largest = max([largest, *(float(np.nanmax(np.abs(x))) for x in joint.rests)])
+    return largest
+
+
+def _round_up(value: float) -> float:
+    """Return the next larger round number."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(x * power for x in ROUND if x * power >= value))
+
+
 def _figure(identification: Identification) -> Figure:
-    """Draw measured and predicted position, and residual, of each joint with a model."""
+    """Draw measured and predicted position, and residual, of each joint with a model.
+
+    The residuals of all joints with the same unit have the same scale.
+    """
     plots = list[Plot]()
+    largest = {kind: _largest_residual(identification, kind) for kind in (False, True)}
     for j, joint in enumerate(identification.joints):
         if not joint.rests:
             continue
@@ -101,7 +127,10 @@ def _figure(identification: Identification) -> Figure:
         ]
         label = f"joint {j + 1}{' [m, mm]' * joint.prismatic}"
         plots.append(Plot(label=label, curves=tuple(curves[:2]), height=HEIGHT))
-        plots.append(Plot(label="", curves=tuple(curves[2:]), height=HEIGHT))
+        limit = _round_up(1e3 * largest[joint.prismatic])
+        plots.append(
+            Plot(label="", curves=tuple(curves[2:]), height=HEIGHT, limits=(-limit, limit))
+        )
     columns = ("position [rad]", "residual [mrad]")
     return Figure(
         title="Positions and residuals of the joints", plots=tuple(plots), columns=columns

@@ -17,6 +17,7 @@ from armcontour.report.arm_frame import arm_frame, nearest_pair
 from armcontour.report.figure import Picture
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.plan_drawing import pieces_of, rapid_paths
+from armcontour.report.still_arm import draw_still
 from armcontour.report.view import essential_points, in_space, simplify, to_float32
 
 # Maximum spacing of the sampled postures [s], unless there would be more than MAX_SAMPLES.
@@ -38,10 +39,12 @@ class MovingArm(Picture):
     """The arm and its cell in space, with a slider of the time; `frames`: arm and motion.
 
     Args:
+        still: SVG of the arm at the middle of its motion, for paper and browsers without WebGL.
         notes: Sentences about the drawn bodies.
     """
 
     template: ClassVar[str] = "arm.html"
+    still: str
     notes: tuple[str, ...] = ()
 
 
@@ -52,16 +55,22 @@ def draw_arm(result: RunResult, job: Job) -> MovingArm:
         pieces.append((RAPIDS, rapids))
     arrays = _postures(result.trajectory)
     lines = []
+    still_lines = list[tuple[str, FloatArray]]()
     for k, (kind, curves) in enumerate(pieces):
         look = limit_style(kind)
         points, breaks = _simplify_and_join(curves)
         arrays |= {f"points{k}": to_float32(in_space(points)), f"breaks{k}": breaks}
         lines.append({"points": f"points{k}", "breaks": f"breaks{k}"})
         lines[-1] |= {theme: str(look[theme]) for theme in ("light", "dark")}
+        if kind != RAPIDS:
+            separate = np.split(in_space(points), breaks[1:-1])
+            still_lines += [(str(look["light"]), x) for x in separate]
     header = {"lines": lines, "nearest": nearest_pair(result)}
     arm = arm_frame(job)
+    middle = result.trajectory(result.trajectory.duration / 2)
     return MovingArm(
         title="Arm, moving as planned",
+        still=draw_still(arm, middle, still_lines),
         frames=(arm, MessageFrame("motion", header, arrays)),
         notes=tuple(arm.header["notes"]),
     )

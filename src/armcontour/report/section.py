@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -15,6 +16,8 @@ from armcontour.core.result import JUDGED, TABLE, VERDICT, Data
 # Number of rows in large print.
 FEW_TILES = 3
 NO_PLACES: Mapping[str, str] = MappingProxyType({})
+# Names of joints that are numbers.
+NUMBERED = re.compile(r"joint \d+")
 # Values with more characters count as sentences, and tables of values omit their rows.
 LONGEST = 40
 
@@ -28,12 +31,14 @@ class TextTable:
         rows: The rows.
         caption: Title; empty without one.
         half: True if two tables are next to each other on a wide page.
+        links: Anchor to which the first cell of each row leads; empty without one.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
     half: bool = False
+    links: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +171,14 @@ def text_table(table: result.Table, caption: str = "") -> TextTable:
     """Convert the labelled columns of a table to text; joints have numbers and plain names."""
     header, *rows = cells(table)
     if header[0] == "joint":
-        rows = [(f"{k} {joint_words(name)}", *x) for k, (name, *x) in enumerate(rows, start=1)]
+        rows = [(_joint_label(k, name), *x) for k, (name, *x) in enumerate(rows, start=1)]
     return TextTable(header=header, rows=tuple(rows), caption=caption)
+
+
+def _joint_label(number: int, name: str) -> str:
+    """Return the number of a joint and its name, unless the name is only a number."""
+    words = joint_words(name)
+    return words if NUMBERED.fullmatch(words) else f"{number} {words}"
 
 
 def joint_words(name: str) -> str:

@@ -30,8 +30,8 @@ MAX_PER_ARC = 20_000
 CORNER_TURN = 0.4
 # Default maximum number of points that are always drawn because the direction changes.
 MAX_CORNERS = 100_000
-# Decimals to which ratios of distances to the allowed error are rounded.
-RATIO_DECIMALS = 6
+# Ratios of distances to the allowed error are rounded to multiples of this.
+RATIO_STEP = 1e-6
 # Minimum number of evenly spaced times in a motion.
 MIN_SAMPLES = 200
 # Default approximate maximum number of points in a drawing.
@@ -231,29 +231,19 @@ def essential_points(
         error: Largest distance from a line to an omitted point [m].
         max_corners: With more corners than this, corners are not preferred.
     """
-    mask = np.zeros(len(points), dtype=bool)
+    from armcontour.report.kernels import keep_error
+
+    mask = np.zeros(len(points), dtype=np.bool_)
     mask[ends[:-1]] = mask[ends[1:] - 1] = True
-    # A point at which the accumulated turn passes a multiple of CORNER_TURN is a corner.
-    turns = np.floor(_turns(points, ends) / CORNER_TURN)
-    corners = 1 + np.flatnonzero(np.diff(turns))
-    # A picture with more corners is hatching whose lines are too dense for the screen.
-    if len(corners) <= max_corners:
-        mask[corners] = True
-    remaining = np.flatnonzero(~mask)
-    while len(remaining):
-        essential = np.flatnonzero(mask)
-        lines = np.searchsorted(essential, remaining) - 1
-        distances = _from_segment(
-            points[remaining], points[essential[lines]], points[essential[lines + 1]]
-        )
-        # All points with the largest distance are added, so that the choice of points does not
-        # depend on rounding when the path is moved.
-        distances = np.round(distances / error, RATIO_DECIMALS)
-        worst = np.zeros(len(essential))
-        np.maximum.at(worst, lines, distances)
-        exceeds = worst[lines] > 1.0
-        mask[remaining[exceeds & (distances == worst[lines])]] = True
-        remaining = remaining[exceeds & (distances < worst[lines])]
+    if max_corners > 0:
+        # A point at which the accumulated turn passes a multiple of CORNER_TURN is a corner.
+        turns = np.floor(_turns(points, ends) / CORNER_TURN)
+        corners = 1 + np.flatnonzero(np.diff(turns))
+        # A picture with more corners is hatching whose lines are too dense for the screen.
+        if len(corners) <= max_corners:
+            mask[corners] = True
+    rows = np.array(points, dtype=np.float64, order="C")
+    keep_error(rows, error, RATIO_STEP, mask, np.empty(len(points)))
     return mask
 
 
@@ -267,13 +257,3 @@ def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
     turn[1:-1] = np.arccos(np.clip(cosine, -1.0, 1.0))
     turn[ends[:-1]] = turn[ends[1:] - 1] = 0.0
     return np.cumsum(turn)
-
-
-def _from_segment(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the distance of each point from its line segment [m], (n,)."""
-    chord = end - begin
-    from_begin = points - begin
-    square = np.einsum("ij,ij->i", chord, chord)
-    fraction = np.einsum("ij,ij->i", from_begin, chord) / np.where(square > 0, square, 1.0)
-    offsets = from_begin - np.clip(fraction, 0.0, 1.0)[:, None] * chord
-    return np.asarray(np.linalg.norm(offsets, axis=1))

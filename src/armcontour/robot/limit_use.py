@@ -258,16 +258,23 @@ class States:
         def without_dry(q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
             return np.asarray(self.arm.torque(q, dq, ddq) - dry * np.sign(dq))
 
+        still = np.abs(self.dq) <= STILL_JOINT
+        value = np.abs(drive)
+        if not self.errors:
+            # Few joints are at rest, so only their torques are computed again.
+            rows, joints = np.nonzero(still)
+            others = drive[rows, joints] - dry[joints] * np.sign(self.dq[rows, joints])
+            value[rows, joints] = np.maximum(np.abs(others) - dry[joints], 0.0)
+            return value, np.zeros(1)
         others = drive - dry * np.sign(self.dq)
         error = np.zeros_like(drive)
         for change in self.changes(without_dry, others, 2):
             error += np.abs(change)
         helped = np.maximum(np.abs(others) - dry, 0.0)
-        value = np.where(np.abs(self.dq) <= STILL_JOINT, helped, np.abs(drive))
-        if self.errors:
-            # If a joint may be at rest, the required torque may be as small as the torque at rest.
-            still = np.abs(self.dq) <= STILL_JOINT + self.errors[1]
-            error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
+        value = np.where(still, helped, value)
+        # If a joint may be at rest, the required torque may be as small as the torque at rest.
+        may_rest = np.abs(self.dq) <= STILL_JOINT + self.errors[1]
+        error += np.where(may_rest, np.maximum(value - helped, 0.0), 0.0)
         return value, error
 
     def centripetal(self) -> Bounded:

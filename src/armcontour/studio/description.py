@@ -20,11 +20,14 @@ from armcontour.files.job_text_edits import line_of, value_at
 from armcontour.files.touch_file import touch_columns
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
+from armcontour.report.arm_frame import matrix
 from armcontour.report.message_frame import MessageFrame
+from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import EXTERNAL_AXES, run_of, shown_unit, value_of
 from armcontour.studio.edits.layout import tilt_of
-from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_on_base
+from armcontour.studio.edits.obstacles import part_names
+from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
@@ -35,6 +38,7 @@ LABELS = {
     "remove_waypoint": "remove waypoint {number}",
     "place": "place the part",
     "obstacle": "{action} an obstacle",
+    "allow": "allow two bodies to touch",
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
@@ -43,7 +47,14 @@ LABELS = {
     "add_run": "add a run",
     "pick": "add edges",
     "unpick": "remove edges",
+    "order": "order the contours",
 }
+# Edits whose label has the changed values, such as "Speed 50 mm/s → 40 mm/s".
+NAMED_BY_VALUES = ("set", "unset", "place", "obstacle", "tilt", "order", "text")
+# Largest number of values in a label.
+MAX_NAMED_VALUES = 3
+# Maximum number of listed steps of the undo list; the newest ones are listed.
+MAX_STEPS = 200
 
 
 def slider_rows(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
@@ -151,8 +162,22 @@ class JobState:
     error: InvalidInput | None = None
 
 
-def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
-    """Return the label that edits have in the undo list."""
+def label_of(
+    edits: Sequence[Mapping[str, Any]], before: Mapping[str, Any], after: Mapping[str, Any]
+) -> str:
+    """Return the label that edits have in the undo list.
+
+    A few changed values are named with the values; other edits are named by what they do.
+
+    Args:
+        edits: Edits of a page.
+        before: Data of the document before the edits.
+        after: Data of the document after the edits.
+    """
+    if all(x.get("do") in NAMED_BY_VALUES for x in edits):
+        changed = differences(before, after)
+        if 0 < len(changed) <= MAX_NAMED_VALUES:
+            return ", ".join(changed)
     first = edits[0]
     index = first.get("index")
     words = LABELS[str(first["do"])].format(
@@ -175,6 +200,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "on_disk": document.on_disk(),
         "undo_label": document.undo_label,
         "redo_label": document.redo_label,
+        "steps": _steps(document),
         "runs": runs_of(data),
         "run": run,
         "path": _path(data, handles, state, run),
@@ -196,6 +222,13 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
     return MessageFrame("document", header)
 
 
+def _steps(document: Document) -> dict[str, Any]:
+    """Describe the undo list: the number of its first listed step, labels, number of made steps."""
+    labels, made = document.steps
+    first = max(0, min(made - MAX_STEPS // 2, len(labels) - MAX_STEPS))
+    return {"first": first, "labels": labels[first : first + MAX_STEPS], "made": made}
+
+
 def _touch_columns(job: Job | None) -> list[dict[str, str]]:
     """Describe the columns of the table of touches: names and unit; none without a job."""
     columns = () if job is None else touch_columns(job.arm)
@@ -203,11 +236,24 @@ def _touch_columns(job: Job | None) -> list[dict[str, str]]:
 
 
 def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) -> dict[str, Any]:
-    """Describe the obstacles, and the plane of the picture in their frame."""
+    """Describe the obstacles, the parts of a CAD model, and the plane of the picture.
+
+    `plane` is in the frame of the base, and `part` is the plane and the pose of the part frame in
+    the work frame.
+    """
     if job is None or handles is None:
-        return {"obstacles": []}
-    plane = plane_on_base(handles.plane, job.arm.chain.base)
-    return {"obstacles": obstacles_of(data, job, handles.plane), "plane": plane}
+        return {"obstacles": [], "parts": []}
+    plane = handles.plane
+    axes = {"x": plane.x, "y": plane.y, "normal": plane.normal, "origin": plane.origin}
+    return {
+        "obstacles": obstacles_of(data, job, plane, handles.frame),
+        "parts": part_names(data, job.scene),
+        "plane": plane_in(plane, job.arm.chain.base),
+        "part": {
+            **{"at": matrix(handles.frame), "centre": handles.centre, "plane": axes},
+            "dimension": job.arm.dimension,
+        },
+    }
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
+from armcontour.core import checks
 from armcontour.core.errors import FileError, InvalidInput
 from armcontour.core.file_access import read_bytes, write_atomically
 from armcontour.files.job_file import drawing_text, read_job_mapping
@@ -38,6 +39,18 @@ class HistoryEntry(NamedTuple):
     label: str
     text: str
     data: dict[str, Any]
+
+
+class Steps(NamedTuple):
+    """The undo history as a list.
+
+    Args:
+        labels: Labels of the changes, in the order in which they were made.
+        made: Number of changes that are made; the others were undone.
+    """
+
+    labels: tuple[str, ...]
+    made: int
 
 
 class Document:
@@ -126,6 +139,12 @@ class Document:
         """Label of the change that `redo` repeats; None if there is no such change."""
         return self._future[-1].label if self._future else None
 
+    @property
+    def steps(self) -> Steps:
+        """Labels of all changes that can be undone or redone, and how many of them are made."""
+        labels = [x.label for x in self._past] + [x.label for x in reversed(self._future)]
+        return Steps(labels=tuple(labels), made=len(self._past))
+
     def apply(self, data: dict[str, Any], label: str) -> None:
         """Change the data, and the text where it differs, as one step of undo."""
         self._set_text(write_data(self.text, data, self.source), data, label)
@@ -145,6 +164,15 @@ class Document:
     def redo(self) -> None:
         """Repeat the change that was undone last."""
         self._move_history(self._future, self._past, "redo")
+
+    def go_to_step(self, made: int) -> None:
+        """Undo or redo changes until the first `made` ones of `steps` are made."""
+        count = len(self._past) + len(self._future)
+        made = checks.check_int("The number of steps", made, 0, count)
+        while len(self._past) > made:
+            self.undo()
+        while len(self._past) < made:
+            self.redo()
 
     def on_disk(self) -> str:
         """Compare the file with the last read or saved state: SAME, CHANGED, MISSING or NONE."""

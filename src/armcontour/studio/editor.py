@@ -9,6 +9,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_bytes
+from armcontour.core.source_file import SourceFile, fingerprint
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_text_edits import Change, change_data, write_data
 from armcontour.files.model.edge_picking import EdgePicker
@@ -67,6 +69,8 @@ class Editor:
         self.named: tuple[FilePath, ...] = ()
         self.rev = 1
         self.run = ""
+        # Run that is shown again if the shown one no longer exists, as after undo.
+        self._run_before = ""
         # Edges of the CAD model of the path; None without one, and while it is read.
         self.picker: EdgePicker | None = None
         self.state = JobState({}, None, None)
@@ -93,6 +97,7 @@ class Editor:
             raise state.error or InvalidInput("The document is not a valid job.")
         self.document = document
         self.run = ""
+        self._run_before = ""
         self._count_revision(state)
 
     @property
@@ -113,11 +118,14 @@ class Editor:
         """Show another run."""
         if run not in (self.state.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
-        self.run = run
+        self._show_run(run)
         self._refresh()
 
-    def commit(self, revision: Revision, label: str) -> None:
-        """Change the text as one step of undo; raises an error if a valid job becomes invalid."""
+    def commit(self, revision: Revision, label: str, *, run: str = "") -> None:
+        """Change the text as one step of undo; raises an error if a valid job becomes invalid.
+
+        `run`: a run that is shown from now on, such as an added one; by default the same as before.
+        """
         # The job is read before the text changes, so that an invalid job leaves the text unchanged.
         state = self._read_state(revision.data)
         is_refused = state.error is not None and not is_blank(revision.data)
@@ -127,7 +135,14 @@ class Editor:
             self.document.replace(revision.text, label)
         else:
             self.document.apply(dict(revision.data), label)
-        self._count_revision(state)
+        if run:
+            self._show_run(run)
+        self._count_revision(None if run else state)
+
+    def _show_run(self, run: str) -> None:
+        """Show another run, and keep the one that was shown before it."""
+        self._run_before = self.run
+        self.run = run
 
     def change(self, action: Callable[[], None]) -> None:
         """Change the document by one of its methods, such as `undo`."""
@@ -179,11 +194,24 @@ class Editor:
         return Revision(change_data(self.state.data, changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Return the run to show: the last shown, else the first optimal one, else the first."""
+        """Return the run to show: the last shown, the one before, the first optimal, or the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
-        return self.run if self.run in names else next(iter([*fast, *names]), "")
+        shown = [x for x in (self.run, self._run_before) if x in names]
+        return next(iter([*shown, *fast, *names]), "")
+
+    def sources(self, text: str) -> list[SourceFile]:
+        """Return a text of the job and its drawing, with their fingerprints."""
+        sources = [SourceFile.from_text(self.document.source, text)]
+        path = self.document.data.get("path")
+        file = path.get("file") if isinstance(path, Mapping) else None
+        if isinstance(file, str):
+            drawing = self.folder / file
+            with suppress(InvalidInput):
+                content = read_bytes(drawing, "drawing")
+                sources.append(SourceFile(drawing.name, fingerprint(content)))
+        return sources
 
     def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process: the fields of `tasks.request.Request`."""

@@ -52,7 +52,9 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
     """Return the arrays of the tool deviation on the path.
 
-    Deviations are computed with 64 bits, because the page magnifies them.
+    Deviations are computed with 64 bits, because the page magnifies them. `base` and `offset` are
+    the nearest points on the path and the deviations from them on the drawing, `base_xyz` and
+    `offset_xyz` the same in the frame of the path [m].
     """
     pieces = executed.pieces
     base, tool = (np.concatenate([getattr(x, y) for x in pieces]) for y in ("on_path", "tool"))
@@ -71,6 +73,8 @@ def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:
     return {
         "base": view.screen_points(base[indices]),
         "offset": offset[indices],
+        "base_xyz": to_float32(in_space(base[indices])),
+        "offset_xyz": to_float32(in_space(tool - base)[indices]),
         "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
         "t": to_float32(np.concatenate([x.t for x in pieces])[indices]),
         "error": to_float32(distance[indices]),

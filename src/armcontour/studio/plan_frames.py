@@ -39,9 +39,11 @@ from armcontour.report.view import (
     to_float32,
 )
 from armcontour.robot import Arm, Limits
+from armcontour.robot.chain import floor_poses
 from armcontour.robot.limit_use import use_of
 from armcontour.studio.axis_frames import tool_axes
 from armcontour.studio.model_reader import is_model_file
+from armcontour.verification.clearance import Clearance
 
 # Approximate maximum number of drawn points per path.
 MAX_POINTS = 20_000
@@ -56,6 +58,8 @@ NO_LIMIT = 255
 
 # Number of points per rapid.
 RAPID_POINTS = 16
+# Number of times per rapid at which the largest tool speed is sought.
+RAPID_PEAK_TIMES = 512
 # Approximate maximum number of points for all rapids together.
 MAX_RAPID_POINTS = 50_000
 # Maximum number of rounded corners with handles; with more, no corner has a handle.
@@ -103,11 +107,12 @@ def refusal_header(
     run: str | None = "",
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
+    arm: Arm | None = None,
 ) -> dict[str, Any]:
     """Make the header of a frame `refusal`: the error and where it is on the path.
 
     `tier` is the failed computation: 1 plan, 2 execution, 3 full run. Without a `view`, the
-    position is unknown.
+    position is unknown. With an `arm`, the header has the postures at which bodies touch.
     """
     edits = [
         [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
@@ -120,7 +125,31 @@ def refusal_header(
         **{"key": ".".join(map(str, error.key)), "remedies": edits},
         "at": {} if view is None else _position(error, view, planned, waypoints),
         "bodies": error.bodies if isinstance(error, Collision) else (),
+        "contacts": [] if arm is None else _contacts(error, arm),
     }
+
+
+def _contacts(error: ArmContourError, arm: Arm) -> list[dict[str, Any]]:
+    """Describe the pairs of bodies that are too near, in order of time.
+
+    Each has the joint positions `q` [rad] at its first time `t` [s], and the nearest points of both
+    bodies in the frame of the floor [m].
+    """
+    clearance = getattr(error, "clearance", None)
+    if not isinstance(clearance, Clearance):
+        return []
+    rows = []
+    for pair in clearance.too_near:
+        (floor,) = floor_poses(arm.chain, pair.q[None])
+        rows.append(
+            {
+                **{"first": pair.first, "second": pair.second, "words": pair.bodies},
+                **{"t": pair.first_time, "q": pair.q, "frame": "floor"},
+                "points": (pair.points - floor[:, 3]) @ floor[:, :3],
+                "sentence": str(pair),
+            }
+        )
+    return rows
 
 
 def _position(
@@ -408,21 +437,42 @@ def _notes(planned: Preview) -> list[str]:
 
 
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:
-    """Return the arrays of the rapids' sampled tool paths."""
+    """Return the arrays of the rapids' sampled tool paths, and tool speeds [m/s].
+
+    `rapid_most` is the largest speed of each rapid.
+    """
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return {}
-    each = max(2, min(RAPID_POINTS, MAX_RAPID_POINTS // len(spans)))
-    begin, end = np.array(spans).T
-    t = np.linspace(begin, end, each, axis=1).ravel()
+    room = MAX_RAPID_POINTS // len(spans)
+    each = max(2, min(RAPID_POINTS, room))
+    times = _times_within(spans, each)
+    t = times.ravel()
     duration = planned.trajectory.duration
     points = planned.job.arm.tool_position(planned.trajectory(np.minimum(t, duration)))
+    finer = _times_within(spans, max(each, min(RAPID_PEAK_TIMES, room)))
     return {
         "rapid": view.screen_points(points),
         "rapid_xyz": to_float32(in_space(points)),
         "rapid_t": to_float32(t),
         "rapid_breaks": np.arange(0, len(points) + 1, each, dtype=np.uint32),
+        "rapid_speed": to_float32(_tool_speed(planned, times).ravel()),
+        "rapid_most": to_float32(_tool_speed(planned, finer).max(axis=1)),
     }
+
+
+def _times_within(spans: Sequence[tuple[float, float]], count: int) -> FloatArray:
+    """Return equidistant times within each span, with both ends [s], (spans, count)."""
+    begin, end = np.array(spans).T
+    return np.linspace(begin, end, count, axis=1)
+
+
+def _tool_speed(planned: Preview, t: FloatArray) -> FloatArray:
+    """Return the planned tool speed at times [m/s], shaped like `t`."""
+    duration = planned.trajectory.duration
+    q, dq = planned.trajectory.motion(np.minimum(t.ravel(), duration), 1)
+    speed = np.linalg.norm(planned.job.arm.tool_velocity(q, dq), axis=-1)
+    return np.asarray(speed.reshape(t.shape))
 
 
 def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path as FilePath
@@ -16,6 +16,7 @@ from typing import Any
 from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.frames import Frame
+from armcontour.core.memory import Memory, remembering
 from armcontour.core.progress import Progress, subprogress
 from armcontour.files.file_keys import read_keys
 from armcontour.files.job_arm import arm_of
@@ -129,10 +130,16 @@ class CoarsePlanner:
     def forget(self) -> None:
         """Clear the cache, because files of the job may have changed."""
         self._cache = StepCache()
+        # Results for each contour, which the next plan uses for unchanged contours.
+        self._memory = Memory()
         # Arm of the last plan, as written in the job.
         self._arm: Any = None
         # Start configuration of the last plan.
         self._start: FloatArray | None = None
+
+    def remembering(self) -> AbstractContextManager[None]:
+        """Let a plan in this context use the results for contours that have not changed."""
+        return remembering(self._memory)
 
     def may_execute(self, planned: Preview) -> bool:
         """Return whether the motion is short enough to be simulated within seconds."""
@@ -197,7 +204,7 @@ class CoarsePlanner:
         """
         job = self.job(data, run)
         (job_run,) = job.runs
-        with error_context(f"Run {job_run.name}"):
+        with error_context(f"Run {job_run.name}"), self.remembering():
             coarse = coarser_run(job, job_run)
             planned = None
             if not job.has_start and isinstance(job.arm, SerialArm) and self._arm == data["arm"]:

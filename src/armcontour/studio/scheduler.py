@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import pickle
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from threading import Event, RLock
@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable
-from armcontour.core.progress import Step
+from armcontour.core.progress import Step, TimeLeft
 from armcontour.jobs import Job
 from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
@@ -48,6 +48,9 @@ MIN_SIMULATION_INTERVAL = 0.06
 # If the last two plans took longer than this [s], the outline is shown first, and the plan only
 # after the rest time without edits.
 SLOW_PLAN = 0.5
+# If the simulation of a preview took longer than this [s], the next ones are omitted, because the
+# exact figures, which are then computed at once, take little longer.
+SLOW_SIMULATION = 0.5
 # Computing time after which a newer state cancels a plan [s].
 MAX_OBSOLETE_PLAN = 0.5
 # Computing time after which a newer state cancels exact figures [s].
@@ -77,12 +80,14 @@ class ShownResults:
         planned: Newest plan; None without one.
         sent_parts: Arm, scene and `path_points` that the pages show.
         plan_times: Computing times of the last two plans [s].
+        simulation_time: Computing time of the last simulation of a preview [s].
         drawn: Path that the pages show without a plan.
     """
 
     planned: Preview | None = None
     sent_parts: tuple[Arm, Scene | None, list[list[float]] | None] | None = None
     plan_times: tuple[float, float] = (0.0, 0.0)
+    simulation_time: float = 0.0
     drawn: Program | None = None
 
 
@@ -118,6 +123,8 @@ class DocumentState:
     answered: bool = field(default=False, init=False)
     # Time of the last progress frame [s]; None if the pages show no progress.
     reported: float | None = field(default=None, init=False)
+    # Estimate of the time until the plan or the exact figures are computed.
+    time_left: TimeLeft = field(default_factory=lambda: TimeLeft(time.monotonic), init=False)
 
 
 # State and its request to the task process.
@@ -268,7 +275,7 @@ class Scheduler:
                     self._wait(state, stale)
                     # The task process computes the figures at the same time as the preview.
                     self._request_figures(state)
-                    self._send_progress(state, ("planning",), None, at_once=True)
+                    self._send_progress(state, Step(("planning",)), at_once=True)
                 self._plan(state, stale, explain)
                 break
             except ArmContourError as error:
@@ -288,7 +295,7 @@ class Scheduler:
         def report(step: Step) -> None:
             if time.thread_time() > started_at + MAX_OBSOLETE_PLAN and stale():
                 raise Superseded
-            self._send_progress(state, step.names, step.done)
+            self._send_progress(state, step)
 
         planned = self.previewer.plan(state.data, state.run, report, explain=explain)
         plan_time = time.thread_time() - started_at
@@ -296,9 +303,13 @@ class Scheduler:
         self._show_plan(state, planned)
         if plan_time > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED:
             self._wait(state, stale)
+        if results.simulation_time > SLOW_SIMULATION:
+            return
         if stale() and time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL:
             raise Superseded
+        started_at = time.thread_time()
         self._show_execution(state, planned)
+        results.simulation_time = time.thread_time() - started_at
 
     def _show_exact(self, state: DocumentState, plan: RunResult, stale: StaleCheck) -> None:
         """Show the plan of the full run, which the task process has computed."""
@@ -437,7 +448,9 @@ class Scheduler:
         """Process a frame about the exact figures of a state: progress, figures or an error."""
         if frame.kind == "progress":
             if state.answered:
-                self._send_progress(state, frame.header["steps"], frame.header["share"])
+                header = frame.header
+                step = Step(tuple(header["steps"]), header["share"], header["part"])
+                self._send_progress(state, step)
             return
         self._current = None
         if frame.kind == "figures":
@@ -461,27 +474,22 @@ class Scheduler:
             plan = pickle.loads(frame.arrays["plan"].tobytes())
             self._preview_worker.submit(partial(self._show_exact, state, plan))
 
-    def _send_progress(
-        self,
-        state: DocumentState,
-        steps: Sequence[str],
-        share: float | None,
-        *,
-        at_once: bool = False,
-    ) -> None:
+    def _send_progress(self, state: DocumentState, step: Step, *, at_once: bool = False) -> None:
         """Send progress after a delay, then at intervals."""
         with self._lock:
             now = time.monotonic()
+            left = state.time_left.after(step)
             due = state.start_time + PROGRESS_DELAY
             if state.reported is not None:
                 due = state.reported + PROGRESS_INTERVAL
             if state is self._newest and (at_once or now >= due):
                 state.reported = now
                 tier = Tier.EXACT if state.answered else Tier.PREVIEW
-                header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": WORKING}
-                self._deliver(
-                    MessageFrame("progress", {**header, "steps": steps, "share": share}), state
-                )
+                header = {
+                    **{"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": WORKING},
+                    **{"steps": step.names, "share": step.done, "part": step.part, "left": left},
+                }
+                self._deliver(MessageFrame("progress", header), state)
 
     def _end_progress(self, state: DocumentState) -> None:
         """Remove the progress from the pages."""

@@ -19,6 +19,7 @@ from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
+from armcontour.core.source_file import fingerprint
 from armcontour.core.text import show
 from armcontour.files.file_keys import in_si
 from armcontour.files.job_file import cell_names
@@ -42,7 +43,9 @@ from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.plan_frames import drawing_frame, refusal_header
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
+from armcontour.studio.results import Origins
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
+from armcontour.studio.segments_frame import segments_frame
 
 # Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100
@@ -79,6 +82,7 @@ class Session:
         # Gesture of each page, a drag or similar interaction: its number, and the revision of the
         # document at its start. Each of its messages contains all edits since its start.
         self._gestures: dict[Page, tuple[Any, int]] = {}
+        self._origins = Origins()
         self._progress = progress
         self._model_reader = ModelReader(self._take_model)
         # Frame and source of the model that is shown.
@@ -150,11 +154,20 @@ class Session:
                 self._show_document()
 
     def open_upload(
-        self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
+        self,
+        name: str,
+        content: bytes,
+        cell: str | None,
+        unknown: str = "",
+        *,
+        log: bool = False,
+        mesh: bool = False,
     ) -> str:
-        """Open an uploaded file, or store it as a log; returns the name of the file or log."""
+        """Open an uploaded file, or store it as a log or as a mesh; returns its name."""
         with self.lock:
             editor = self.editor
+            if mesh:
+                return editor.uploads.keep_mesh(name, content, editor.folder)
             if log:
                 name = editor.uploads.keep_log(name, content)
                 self._show_document()
@@ -196,10 +209,16 @@ class Session:
             return
         edits = _read_edits(message)
         revision = self.editor.revise(edits)
-        if final:
-            self._commit(revision, label_of(edits))
-        else:
+        if not final:
             self._show(revision)
+            return
+        label = label_of(edits, self.editor.state.data, revision.data)
+        # The edits that follow are for the new run, so it is shown.
+        added = [str(x["name"]) for x in edits if x.get("do") == "add_run"]
+        self.editor.commit(revision, label, run=added[-1] if added else "")
+        # A measured frame also applies to the job that has it.
+        self._origins.renew(message.get("result"), revision.data)
+        self._show_all()
 
     def do_cancel_gesture(self, page: Page, message: PageMessage) -> None:
         """Discard the gesture of a page and show the document without its edits."""
@@ -207,8 +226,11 @@ class Session:
         self._show()
 
     def do_undo(self, page: Page, message: PageMessage) -> None:
-        """Revert the last change."""
-        self.editor.change(self.editor.document.undo)
+        """Revert the last change; with `to`, undo or redo until this number of steps is made."""
+        document = self.editor.document
+        to = message.get("to")
+        undo = document.undo if to is None else partial(document.go_to_step, to)
+        self.editor.change(undo)
         self._show_all()
 
     def do_redo(self, page: Page, message: PageMessage) -> None:
@@ -240,6 +262,7 @@ class Session:
         # The files that the job names may have changed too.
         self.editor.previewer.forget()
         self.scheduler.forget_figures()
+        self._origins.read_again()
         self.editor.change(self.editor.document.reload)
         self._show_all()
 
@@ -300,7 +323,16 @@ class Session:
             raise InvalidInput("The options of a task must be a mapping.")
         id = _required_text(message, "id")
         task = _required_text(message, "task")
-        self.scheduler.start_task(id, task, self.editor.request(self._revision, options))
+        request = self.editor.request(self._revision, options)
+        data = self._revision.data
+        files = self.editor.sources(request["text"])
+        origin = self._origins.keep(id, task, data, request["run"], files)
+        self.scheduler.start_task(id, task, {**request, "origin": origin})
+
+    def do_segments(self, page: Page, message: PageMessage) -> None:
+        """Send the segments of the drawing to the page, which measures them."""
+        job = self.editor.state.job
+        self.send(segments_frame(None if job is None else job.program), to=page)
 
     def do_cancel(self, page: Page, message: PageMessage) -> None:
         """Cancel a task."""
@@ -322,6 +354,7 @@ class Session:
     def _show_opened(self, before: Document) -> None:
         """Show the new document; report that unsaved changes of the previous one are in a draft."""
         self.scheduler.forget()
+        self._origins.clear()
         self._show_all()
         sentence = before.unsaved()
         if sentence is not None:
@@ -338,7 +371,14 @@ class Session:
         self._on_disk = editor.document.on_disk()
         self._request_model()
         frame = document_frame(editor.document, editor.state, editor.run)
-        facts = {"id": editor.id, "logs": list(editor.uploads.logs), "model": self._model_header()}
+        facts = {
+            "id": editor.id,
+            "logs": list(editor.uploads.logs),
+            "model": self._model_header(),
+            "hash": fingerprint(editor.document.text.encode()),
+            # What has changed since each result was made, by identifier of its task.
+            "outdated": self._origins.changes_until(editor.state.data),
+        }
         self.send(frame.stamped(**facts), to=to)
         if self._model_frame is not None and self._model_shown_in != editor.id:
             # A page forgets the model when another document is opened.
@@ -422,7 +462,8 @@ class Session:
     def _send_state_frame(self, frame: MessageFrame, state: DocumentState | None) -> bool:
         """Send a frame of the scheduler; False if the document has changed since its request."""
         if state is None:
-            self.send(self._with_file(frame))
+            made = self._origins.made(frame.header.get("id"))
+            self.send(self._with_file(frame if made is None else frame.stamped(made=made)))
             return True
         if state.rev != self.editor.rev or is_blank(self._revision.data):
             return False

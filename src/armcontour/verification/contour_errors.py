@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import dot, length
+from armcontour.geometry.projection import pack_segments, pad_to_space
 from armcontour.geometry.segments import TANGENT_TOLERANCE
-from armcontour.motion import Execution, FineMotion, Span
+from armcontour.motion import Execution, Span
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.verification.error_profile import (
@@ -26,12 +27,17 @@ from armcontour.verification.error_profile import (
     ErrorProfile,
     Followed,
     Hidden,
-    Measure,
+    Peak,
+    Search,
     find_peak,
     follow_path,
     maximize_smooth,
     orientation_angles,
+    search_measured,
 )
+
+if TYPE_CHECKING:
+    from armcontour.verification.peak_search import ToolPath
 
 # Errors [m or rad] and arc lengths [m] at n times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
@@ -106,7 +112,13 @@ class ContourExecution:
     @cached_property
     def followed_objective(self) -> Followed | None:
         """Path points of the samples on the objective path; None if the objective is unknown."""
-        return None if self.objective is None else self._follow(self.objective, self.objective_work)
+        if self.objective is None:
+            return None
+        if self.objective_work == self.work:
+            geometry = pack_segments(self.objective.segments)
+            if np.array_equal(geometry, self.followed.geometry):
+                return self.followed
+        return self._follow(self.objective, self.objective_work)
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
         """Determine the path points of the samples on a path."""
@@ -121,10 +133,15 @@ class ContourExecution:
             side = _side(self.path, self.followed, self.tool)
         return self._path_profile(self.followed, side)
 
+    @cached_property
+    def coverage_search(self) -> CoverageSearch:
+        """Search for the path point that is farthest from the tool."""
+        return self._coverage_search(self.path, self.work, self.followed, self.contour_error)
+
     @property
     def coverage_error(self) -> Coverage:
         """Largest distance from the path to the tool [m]."""
-        return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
+        return self.coverage_search.largest
 
     def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
         """Return tool speed / assigned velocity, (n,); arguments as of `measure_speed_ratios`."""
@@ -151,26 +168,46 @@ class ContourExecution:
     def objective_error(self) -> ErrorProfile | None:
         """Profile of the distance from the tool to the objective path [m]; None if unknown."""
         followed = self.followed_objective
-        return None if followed is None else self._path_profile(followed)
+        if followed is None:
+            return None
+        if self._drawn_as_planned:
+            return replace(self.contour_error, signed=None)
+        return self._path_profile(followed)
 
     @cached_property
-    def objective_coverage_error(self) -> Coverage | None:
-        """Largest distance from the objective path to the tool [m]; None if unknown."""
+    def objective_search(self) -> CoverageSearch | None:
+        """Search for the point of the objective path that is farthest from the tool."""
         followed = self.followed_objective
         error = self.objective_error
         if self.objective is None or followed is None or error is None:
             return None
+        if self._drawn_as_planned:
+            return self.coverage_search
         work = self.objective_work or (0.0, self.objective.length)
-        return self._find_coverage_error(self.objective, work, followed, error)
+        return self._coverage_search(self.objective, work, followed, error)
+
+    @property
+    def objective_coverage_error(self) -> Coverage | None:
+        """Largest distance from the objective path to the tool [m]; None if unknown."""
+        search = self.objective_search
+        return None if search is None else search.largest
 
     @property
     def drawing_error(self) -> ErrorProfile | Coverage | None:
         """The larger of `objective_error` and `objective_coverage_error`; None if unknown."""
         error = self.objective_error
-        coverage = self.objective_coverage_error
-        if error is None or coverage is None:
+        search = self.objective_search
+        if error is None or search is None:
             return None
+        if search.bound <= error.max:
+            return error
+        coverage = search.largest
         return error if error.max >= coverage.max else coverage
+
+    @property
+    def _drawn_as_planned(self) -> bool:
+        """Whether the objective path is the path, so that both have the same errors."""
+        return self.followed_objective is self.followed
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -190,7 +227,8 @@ class ContourExecution:
             return orientation_angles(orientation, s, turned), s
 
         angle = orientation_angles(orientation, self.followed.s, arm.pose(self.q)[1])
-        return replace(self._over_time(angle, self.followed.s, measure), angular=True)
+        search = partial(search_measured, measure)
+        return replace(self._over_time(angle, self.followed.s, search), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
@@ -232,10 +270,10 @@ class ContourExecution:
         largest = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
         return np.asarray(np.maximum(best, largest))
 
-    def _find_coverage_error(
+    def _coverage_search(
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
-    ) -> Coverage:
-        """Find the point of a path within `work` that is farthest from the tool.
+    ) -> CoverageSearch:
+        """Prepare the search for the point of a path within `work` that is farthest from the tool.
 
         - `work`: arc lengths between which the point may be [m].
         - `followed`: path points of the tool on this path.
@@ -250,13 +288,16 @@ class ContourExecution:
             guessed = (np.abs(arc_lengths - followed.s) > ERROR_ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
         i = int(np.argmax(exact))
-        largest = Coverage(
+        sampled = Coverage(
             max=max(0.0, float(exact[i])),
             t_max=float(self.t[i]),
             s_max=float(arc_lengths[i]) + self.offset,
         )
         if not self._has_fine_motion:
-            return largest
+            candidates = list[tuple[float, int, float]]()
+            return CoverageSearch(
+                piece=self, path=path, distances=distances, sampled=sampled, candidates=candidates
+            )
         rows = np.flatnonzero(guessed)
         bounds = (distances + self._sagitta)[rows]
         # If the path points of two successive samples are on one segment, each point between them
@@ -269,23 +310,21 @@ class ContourExecution:
         )
         on_one_segment &= (before < arc_lengths[rows]) & (arc_lengths[rows] < after)
         bounds[on_one_segment] = np.minimum(bounds[on_one_segment], error.max)
-        rows = rows[bounds > largest.max]
-        bounds = bounds[bounds > largest.max].tolist()
+        rows = rows[bounds > sampled.max]
+        bounds = bounds[bounds > sampled.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
         # The path point with the largest contour error is a candidate too, because its distance
         # from the tool's motion may be equally large.
         candidates = [(error.max, nearest, error.s_max - self.offset)]
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
-        for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
-            if bound > largest.max * (1 + PEAK_EXCESS) and work[0] <= s <= work[1]:
-                value, t = self._distance_to_motion(path([s])[0], k)
-                # Outside of the piece the tool may come nearer; `distances` includes the samples
-                # there.
-                inside = self.t[0] < t < self.t[-1]
-                value = min(value, bound if inside else max(float(distances[k]), 0.0))
-                if value > largest.max:
-                    largest = Coverage(max=value, t_max=t, s_max=s + self.offset)
-        return largest
+        inside = [x for x in candidates if work[0] <= x[2] <= work[1]]
+        return CoverageSearch(
+            piece=self,
+            path=path,
+            distances=distances,
+            sampled=sampled,
+            candidates=sorted(inside, key=lambda x: -x[0]),
+        )
 
     @property
     def _has_fine_motion(self) -> bool:
@@ -302,7 +341,7 @@ class ContourExecution:
         """Tool travel from the first sample to each sample [m], (n,)."""
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
-    def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
+    def distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
         """Return the distance from a point to the motion near sample i [m], and a time [s].
 
         - `point`: position, (dimension,) [m].
@@ -317,9 +356,18 @@ class ContourExecution:
         low = min(low, i)
         high = max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
-        # Squared distances are smooth, even where the tool passes through the point.
-        squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
-        return float(np.sqrt(-squares[0])), float(self.t[k])
+        square = float(dot(self.tool[k] - point, self.tool[k] - point))
+        # The intervals before and after the sample.
+        before = np.unique(np.clip([k - 1, k], 0, len(self.t) - 2))
+        motion = self._tool_motion(before + self.samples.start)
+        if motion is not None:
+            from armcontour.verification.peak_search import nearest_between
+
+            position = pad_to_space(point[None])[0]
+            begins = self.t[before]
+            ends = self.t[before + 1]
+            square = min(square, nearest_between(motion, position, begins, ends))
+        return float(np.sqrt(square)), float(self.t[k])
 
     def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
         """Return the profile of the distances from the tool to a path [m].
@@ -327,12 +375,20 @@ class ContourExecution:
         - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,); None in space.
         """
 
-        def measure(i: int, t: FloatArray) -> Errors | None:
-            """Return errors and arc lengths at times after sample i, (n,) each."""
-            q = self._between(i, t)
-            if q is None:
+        def search(i: int, begin: float, end: float, best: float) -> Peak | None:
+            """Find a distance above `best` [m] between two times after sample i [s]."""
+            from armcontour.verification.peak_search import search_interval
+
+            motion = self._tool_path(i)
+            if motion is None:
                 return None
-            return self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
+            ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
+            low, high = sorted(followed.s[ends].tolist())
+            distance_bound = float(followed.distance[ends].max())
+            found = search_interval(
+                motion, followed.geometry, low, high, distance_bound, begin, end, best
+            )
+            return Peak(found.t, found.value, found.s) if found.found else None
 
         hidden = None
         if self._has_fine_motion:
@@ -340,13 +396,13 @@ class ContourExecution:
             # the tool's step.
             sharp = np.flatnonzero(followed.turns(SHARP_TURN) > SHARP_TURN)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
-        return self._over_time(followed.distance, followed.s, measure, side, hidden)
+        return self._over_time(followed.distance, followed.s, search, side, hidden)
 
     def _over_time(
         self,
         values: FloatArray,
         s: FloatArray,
-        measure: Measure | None = None,
+        search: Search | None = None,
         side: FloatArray | None = None,
         hidden: Hidden | None = None,
     ) -> ErrorProfile:
@@ -354,16 +410,16 @@ class ContourExecution:
 
         - `values`: errors at the samples [m or rad], (n,).
         - `s`: arc lengths of the path points of the samples [m], (n,).
-        - `measure`: measures the error between samples; None to use samples only.
+        - `search`: searches the error between samples; None to use samples only.
         - `side`: 1 where the tool is to the left of the path, -1 to its right, (n,).
         - `hidden`: intervals in which the error may have a peak that no sample shows.
         """
         peak = None
-        if self._has_fine_motion and measure is not None:
+        if self._has_fine_motion and search is not None:
             start_time = float(self.t[0]) if self.start_time is None else self.start_time
             end_time = min(self.end_time, float(self.executed.t[-1]))
             peak = find_peak(
-                self.t, values, measure, start_time=start_time, end_time=end_time, hidden=hidden
+                self.t, values, search, start_time=start_time, end_time=end_time, hidden=hidden
             )
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
@@ -373,16 +429,44 @@ class ContourExecution:
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
         """Return q at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
-        if i not in self._fine:
-            index = self.samples.start + i
-            inside = 0 <= index < len(self.executed.t) - 1
-            self._fine[i] = self.executed.between(np.array([index])) if inside else None
-        fine = self._fine[i]
+        index = self.samples.start + i
+        inside = 0 <= index < len(self.executed.t) - 1
+        fine = self.executed.between(np.array([index])) if inside else None
         return None if fine is None else fine(t)
 
+    def _tool_path(self, i: int) -> ToolPath | None:
+        """Return the tool motion from sample i to the next; None if unknown."""
+        if i not in self._paths:
+            index = self.samples.start + i
+            inside = 0 <= index < len(self.executed.t) - 1
+            self._paths[i] = self._tool_motion(np.array([index])) if inside else None
+        return self._paths[i]
+
+    def _tool_motion(self, indices: IntArray) -> ToolPath | None:
+        """Return the tool motion from samples of the execution to the next; None if unknown.
+
+        - `indices`: indices of the samples in the execution, increasing, (m,).
+        """
+        from armcontour.verification.peak_search import ToolPath
+
+        fine = self.executed.between(indices)
+        if fine is None:
+            return None
+        arm = self.executed.arm
+        none = np.empty((0, fine.q.shape[1]))
+        return ToolPath(
+            t=kernel_array(fine.t),
+            q=kernel_array(fine.q),
+            before=kernel_array(fine.before),
+            after=kernel_array(fine.after),
+            ddq=none if fine.ddq is None else kernel_array(fine.ddq),
+            links=arm.link_table,
+            dimension=arm.dimension,
+        )
+
     @cached_property
-    def _fine(self) -> dict[int, FineMotion | None]:
-        """Cache: index of a sample in the piece -> motion to the next sample."""
+    def _paths(self) -> dict[int, ToolPath | None]:
+        """Cache: index of a sample in the piece -> tool motion to the next sample."""
         return {}
 
     def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
@@ -390,6 +474,68 @@ class ContourExecution:
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
         return followed.near(tool, (low, high), float(followed.distance[ends].max()))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverageSearch:
+    """Search for the point of a path that is farthest from the tool (coverage error).
+
+    Args:
+        piece: The execution of the contour.
+        path: The path.
+        distances: Distance from the path to the tool between each sample and the next, for straight
+            tool motion between samples [m], (n,).
+        sampled: Largest known distance.
+        candidates: Points whose distance may be larger: bound of the distance [m], index of a
+            sample near the point, and its arc length [m]; the largest bound first.
+    """
+
+    piece: ContourExecution
+    path: Path
+    distances: FloatArray
+    sampled: Coverage
+    candidates: list[tuple[float, int, float]]
+
+    @property
+    def bound(self) -> float:
+        """Bound of the largest distance [m], known without measuring candidates."""
+        return max(self.sampled.max, self.candidates[0][0] if self.candidates else 0.0)
+
+    @cached_property
+    def largest(self) -> Coverage:
+        """The largest distance."""
+        piece = self.piece
+        largest = self.sampled
+        for bound, k, s in self.candidates:
+            if bound <= largest.max * (1 + PEAK_EXCESS):
+                break
+            value, t = piece.distance_to_motion(self.path([s])[0], k)
+            value = min(value, bound)
+            if not piece.t[0] < t < piece.t[-1]:
+                # Outside of the piece the tool may come nearer; `distances` includes the samples
+                # there.
+                value = min(value, max(float(self.distances[k]), 0.0))
+            if value > largest.max:
+                largest = Coverage(max=value, t_max=t, s_max=s + piece.offset)
+        return largest
+
+
+def largest_coverage(searches: Sequence[CoverageSearch]) -> Coverage:
+    """Return the largest coverage error of several pieces; the first piece with it counts.
+
+    Only pieces whose bound is at least the largest error found so far are measured.
+    """
+    order = sorted(range(len(searches)), key=lambda i: -searches[i].bound)
+    best = searches[order[0]].largest
+    first = order[0]
+    for i in order[1:]:
+        if searches[i].bound < best.max:
+            break
+        found = searches[i].largest
+        if found.max > best.max or (found.max == best.max and i < first):
+            best = found
+            first = i
+    return best
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, Frozen, IntArray
+from armcontour.core.checks import FloatArray, Frozen, IntArray, kernel_array
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.core.sampled_data import integrate
@@ -31,9 +30,10 @@ MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP_TURN = 0.2
-# Sample times of the first search for the maximum of a smooth function, as fractions of the
-# interval.
-FIRST_FRACTIONS = np.arange(9) / 8
+# Number of parts of an interval in the first search for the maximum of a smooth function, and its
+# sample times as fractions of the interval.
+GRID = 8
+FIRST_FRACTIONS = np.arange(GRID + 1) / GRID
 # Number of these searches, and by which factor their steps become shorter each time.
 CLOSER_SEARCHES = 3
 STEP_RATIO = 16
@@ -41,7 +41,8 @@ STEP_RATIO = 16
 SHARES = np.arange(SEARCH_PARTS + 1) / SEARCH_PARTS
 # Sample times of the next search relative to the estimated peaks, as fractions of the width of the
 # interval.
-AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
+KINK_MARGIN = 0.03
+AROUND = np.array([0.0, -KINK_MARGIN, KINK_MARGIN])[:, None, None]
 # Smallest distance of sample times from the ends of an interval, as a fraction of its width; the
 # values at the ends are known.
 END_DISTANCE = 0.01
@@ -63,6 +64,9 @@ Hidden = tuple[IntArray, FloatArray]
 # Function of the index of a sample and of times in the interval after it; returns errors and arc
 # lengths, (n,) each, or None if the motion is unknown.
 Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
+# Function of the index of a sample, of two times after it, and of an error; returns a larger error
+# between these times, or None if there is none or if the motion is unknown.
+Search = Callable[[int, float, float, float], "Peak | None"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,7 +237,7 @@ class Peak(NamedTuple):
 def find_peak(
     t: FloatArray,
     values: FloatArray,
-    measure: Measure,
+    search: Search,
     *,
     start_time: float,
     end_time: float,
@@ -242,18 +246,20 @@ def find_peak(
     """Find a value between samples that exceeds those of all samples; None if there is none.
 
     - `t`, `values`: times [s] and errors [m or rad] of the samples, (n,) each.
-    - `measure`: measures the error between samples; its index may also be -1 or n - 1, for times
+    - `search`: searches the error between samples; its index may also be -1 or n - 1, for times
       before the first and after the last sample.
     - `start_time`, `end_time`: times between which the peak may be [s].
     - `hidden`: intervals in which the error may have a peak that no sample shows.
     """
+    from armcontour.verification.path_points import find_tops
+
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
     best = sampled
     peak = None
-    high, _, bound = _find_tops(t, values)
+    high, _, _, bound = find_tops(kernel_array(t), kernel_array(values))
     # Where the second difference changes its sign, the samples do not resolve the ripple.
     curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
     ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
@@ -278,7 +284,7 @@ def find_peak(
         begin = max(float(t[i]) if i >= 0 else start_time, start_time)
         end = min(float(t[i + 1]) if i + 1 < len(t) else end_time, end_time)
         if begin < end:
-            higher = _search_interval(begin, end, partial(measure, i), best)
+            higher = search(i, begin, end, best)
             if higher is not None:
                 best = higher.value
                 peak = higher
@@ -286,22 +292,19 @@ def find_peak(
     return peak if best > _threshold(sampled) else None
 
 
-def _search_interval(
-    begin: float,
-    end: float,
-    measure: Callable[[FloatArray], tuple[FloatArray, FloatArray] | None],
-    best: float,
-) -> Peak | None:
+def search_measured(measure: Measure, i: int, begin: float, end: float, best: float) -> Peak | None:
     """Find an error above `best` [m or rad] between two times [s]; None if there is none.
 
-    `measure` maps times, (n,), to errors and arc lengths, (n,) each; to None if they are unknown.
+    - `measure`: measures the error after sample `i`.
     """
+    from armcontour.verification.path_points import find_tops
+
     peak = None
     t = np.zeros(0)
     values = np.zeros(0)
     times = begin + (end - begin) * SHARES
     for _ in range(MAX_CUTS):
-        measured = measure(times)
+        measured = measure(i, times)
         if measured is None:
             return None
         k = int(measured[0].argmax())
@@ -313,7 +316,7 @@ def _search_interval(
         order = t.argsort(kind="stable")
         t = t[order]
         values = values[order]
-        high, guesses, bound = _find_tops(t, values)
+        high, *guesses, bound = find_tops(t, values)
         width = t[high + 1] - t[high]
         uncertain = (bound > _threshold(best)) & (width > SEARCH_PARTS * 4 * np.spacing(t[-1]))
         if not uncertain.any():
@@ -321,7 +324,7 @@ def _search_interval(
         low = t[high[uncertain]]
         width = width[uncertain]
         times = low + width * np.clip(
-            guesses[:, uncertain] + AROUND, END_DISTANCE, 1 - END_DISTANCE
+            np.stack(guesses)[:, uncertain] + AROUND, END_DISTANCE, 1 - END_DISTANCE
         )
         times = np.unique(times)
     return peak
@@ -360,40 +363,6 @@ def maximize_smooth(
 def _threshold(best: float) -> float:
     """Return the value above which an error counts as larger than the best one [m or rad]."""
     return best + PEAK_EXCESS * abs(best) + ERROR_ROUNDING
-
-
-def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Find the intervals in which the values may exceed those at both ends.
-
-    Returns the indices of their first samples, (m,); where the kink and the top of the parabola
-    are, as fractions of the interval, (2, m); and bounds of the values, (m,). The bound is the
-    value of a kink: the intersection of the lines through the two samples before and through the
-    two samples after the interval. A parabola rises a quarter as much.
-    """
-    rises = values[1:] - values[:-1]
-    last = len(rises) - 1
-    # Values rise before these intervals and fall after them. The first and the last interval are
-    # always included.
-    top = (rises[:-2] > 0) & (rises[2:] < 0)
-    top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
-    width = t[top + 1] - t[top]
-    slope = rises[top] / width
-    before = np.maximum(top - 1, 0)
-    after = np.minimum(top + 1, last)
-    # Slopes of the intervals before (a) and after (b) each of them.
-    a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
-    # Beyond the ends, the curvature is assumed to be that of the adjacent interval.
-    # With one interval only, a[-1] is a[0], so both are computed before either is stored.
-    slope_before_start = 2 * slope[0] - b[0]
-    slope_after_end = 2 * slope[-1] - a[-1]
-    a[0] = slope_before_start
-    b[-1] = slope_after_end
-    has_top = (a > 0) & (b < 0)
-    top, slope, a, b, width = (x[has_top] for x in (top, slope, a, b, width))
-    kink = np.clip((slope - b) / (a - b), 0.0, 1.0)
-    parabola_top = np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)
-    bound = np.maximum(values[top] + a * width * kink, np.maximum(values[top], values[top + 1]))
-    return top, np.stack([kink, parabola_top]), bound
 
 
 def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
@@ -26,7 +27,9 @@ from armcontour.robot.limit_use import use_of
 from armcontour.verification.contour_errors import (
     ContourExecution,
     CornerDeviation,
+    CoverageSearch,
     evaluated_times,
+    largest_coverage,
     settling_time,
     split_by_contour,
 )
@@ -219,9 +222,11 @@ def tool_speeds(motion: Execution) -> ToolSpeeds:
     if not trajectory.spans:
         return ToolSpeeds(work=float(speed.max()), rapids=None)
     at_work = np.zeros(len(speed), dtype=np.bool_)
-    for span in trajectory.contour_spans:
-        begin, end = span.work or span.t
-        at_work |= (motion.t >= begin) & (motion.t <= end)
+    work = np.array([span.work or span.t for span in trajectory.contour_spans])
+    first = np.searchsorted(motion.t, work[:, 0])
+    last = np.searchsorted(motion.t, work[:, 1], side="right")
+    for begin, end in zip(first.tolist(), last.tolist(), strict=True):
+        at_work[begin:end] = True
     elsewhere = ~at_work & (motion.t >= 0) & (motion.t <= trajectory.duration)
     return ToolSpeeds(
         work=float(speed[at_work].max(initial=0.0)),
@@ -276,6 +281,7 @@ def evaluate(
     limits: Limits | None = None,
     end_time: Interval | None = None,
     limit_use: bool = False,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """Evaluate an execution against its path.
 
@@ -299,6 +305,7 @@ def evaluate(
             tool speed stays below 1 mm/s. Not allowed for a program of more than one path.
         limit_use: Compute `time_at_limit` and `limit_ratios`, which takes longer than all errors
             together. If False, they are None.
+        progress: Called after every contour with the step "evaluation" and the fraction done.
 
     Raises:
         InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
@@ -315,8 +322,14 @@ def evaluate(
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     _, end = evaluated_times(executed, end_time)
     pieces = split_by_contour(executed, program, drawn, end_time)
-    contour_errors = tuple(x.contour_error for x in pieces)
-    drawing_errors = tuple(y for piece in pieces if (y := piece.drawing_error) is not None)
+    contour_errors = []
+    drawing_errors = []
+    for k, piece in enumerate(pieces, start=1):
+        contour_errors.append(piece.contour_error)
+        if (drawing_error := piece.drawing_error) is not None:
+            drawing_errors.append(drawing_error)
+        if progress is not None:
+            progress(contour_step("evaluation", k, len(pieces)))
     speed_ratios = [x.speed_ratios(bounds.speed) for x in pieces]
     jerk = executed_jerk(executed)
     is_program = program.single_path is None
@@ -325,15 +338,15 @@ def evaluate(
         settled=settling_time(executed, executed.tool_speed),
         end_time=end,
         contour_error=ErrorProfile.join(contour_errors),
-        coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
+        coverage_error=largest_coverage([x.coverage_search for x in pieces]),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
-        objective_coverage_error=_largest_coverage([x.objective_coverage_error for x in pieces]),
+        objective_coverage_error=_largest_known([x.objective_search for x in pieces]),
         orientation_error=_join_known([x.orientation_error for x in pieces]),
         corners=_join_corners(pieces, is_program=is_program),
-        contours=contour_errors,
-        drawing_errors=drawing_errors,
+        contours=tuple(contour_errors),
+        drawing_errors=tuple(drawing_errors),
         speed=max(float(x.speed.max()) for x in pieces),
         rapid_speed=tool_speeds(executed).rapids,
         speed_ratio=_largest_ratio(speed_ratios),
@@ -351,10 +364,10 @@ def evaluate(
     )
 
 
-def _largest_coverage(errors: Sequence[Coverage | None]) -> Coverage | None:
-    """Return the largest of the coverage errors that are not None; None if all are None."""
-    known = [x for x in errors if x is not None]
-    return max(known, key=lambda x: x.max, default=None)
+def _largest_known(searches: Sequence[CoverageSearch | None]) -> Coverage | None:
+    """Return the largest coverage error of the searches that are not None; None if all are."""
+    known = [x for x in searches if x is not None]
+    return largest_coverage(known) if known else None
 
 
 def _largest_ratio(speed_ratios: Sequence[FloatArray]) -> float:

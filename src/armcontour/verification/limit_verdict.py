@@ -505,16 +505,11 @@ def _peaks(
     - `t`: times of all intervals [s], (times, intervals).
     - `ratio`: ratios at these times, (times, intervals, columns).
     """
-    before = ratio[:-2]
-    middle = ratio[1:-1]
-    after = ratio[2:]
-    curvature = before - 2 * middle + after
-    tilt = (after - before) / 2
-    # A parabola without a top between its outer times has its highest value at an end.
-    top = np.flatnonzero((curvature < 0) & (np.abs(tilt) < -curvature))
-    height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * curvature.flat[top])
-    order = np.argsort(-height, kind="stable")[:PEAKS]
-    i, k, column = np.unravel_index(top[order[height[order] > threshold]], middle.shape)
+    from armcontour.verification.ratio_peaks import find_peaks
+
+    places, heights = find_peaks(ratio, threshold)
+    highest = np.argsort(-heights, kind="stable")[:PEAKS]
+    i, k, column = places[highest].T
     if not len(i):
         return np.zeros(0)
 
@@ -523,4 +518,4 @@ def _peaks(
         values = next(x.ratio for x in uses if x.name == name).reshape(*t.shape, -1)
         return np.take_along_axis(values, column[:, None, None], axis=2)[..., 0]
 
-    return maximize_smooth(t[i, k], t[i + 2, k], measure)
+    return maximize_smooth(t[i - 1, k], t[i + 1, k], measure)

@@ -205,6 +205,47 @@ def follow(
     return FollowedPoints(distance, s, n, held)
 
 
+@compiled()
+def find_tops(
+    t: FloatArray, values: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Find the intervals in which the values may exceed those at both ends.
+
+    Returns the indices of their first samples; where the kink and the top of the parabola are, as
+    fractions of the interval; and bounds of the values, (m,) each. The bound is the value of a
+    kink: the intersection of the lines through the two samples before and through the two samples
+    after the interval. A parabola rises a quarter as much.
+
+    - `t`, `values`: increasing times [s] and values at them, (n,) each.
+    """
+    last = len(t) - 2
+    slopes = (values[1:] - values[:-1]) / (t[1:] - t[:-1])
+    top = np.empty(last + 2, np.intp)
+    kink = np.empty(last + 2)
+    parabola_top = np.empty(last + 2)
+    bound = np.empty(last + 2)
+    count = 0
+    for i in range(last + 1):
+        is_end = i == 0 or i == last
+        if not is_end and not (values[i] > values[i - 1] and values[i + 2] < values[i + 1]):
+            continue
+        # Slopes of the intervals before (a) and after (b). Beyond the ends, the curvature is
+        # assumed to be that of the adjacent interval.
+        slope = slopes[i]
+        a = slopes[i - 1] if i > 0 else 2 * slope - slopes[min(1, last)]
+        b = slopes[i + 1] if i < last else 2 * slope - slopes[max(last - 1, 0)]
+        if not (a > 0.0 and b < 0.0):
+            continue
+        width = t[i + 1] - t[i]
+        top[count] = i
+        kink[count] = min(max((slope - b) / (a - b), 0.0), 1.0)
+        parabola_top[count] = min(max(0.5 + 2 * slope / (a - b), 0.0), 1.0)
+        highest_end = max(values[i], values[i + 1])
+        bound[count] = max(values[i] + a * width * kink[count], highest_end)
+        count += 1
+    return top[:count], kink[:count], parabola_top[:count], bound[:count]
+
+
 def find_path_points(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:

@@ -100,17 +100,22 @@ def test_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
         studio.is_cut_off = True
         server.process.kill()
         server.process.wait()
-        studio.wait("body", link="lost")
-        expect(studio.find("#link-state")).to_contain_text("does not answer")
+        studio.wait("body", link="lost", stopped="true")
         assert studio.figure("duration") == shown
         # No figure is marked as exact, and nothing can be changed that would be lost.
         studio.wait("#figures", exact="false")
         expect(studio.find(".exactness")).to_have_text("not connected")
         expect(studio.find("#messages")).to_contain_text("nothing can be changed")
-        expect(studio.find("main")).to_have_attribute("inert", "")
+        expect(studio.find("#panel")).to_have_attribute("inert", "")
+        # The page says what is kept, with the last change, and how to go on.
+        message = studio.find("#messages .stopped")
+        expect(message).to_contain_text("0.1 m/s")
+        expect(message.locator("code")).to_have_text(f"armcontour studio {file}")
+        name, content = studio.save_file(message.get_by_role("button", name="Save a copy"))
+        assert name.endswith(".yaml") and content.decode() == changed
         # A server that has ended does not come back at this address.
-        studio.wait("body", link="refused")
-        expect(studio.find("#messages")).to_contain_text("has ended")
+        studio.wait("body", link="refused", stopped="true")
+        expect(message).to_be_visible()
     with serving("--port", str(server.port), file, folder=tmp_path) as again:
         fresh = pages(again)
         fresh.wait("body", link="open")
@@ -124,7 +129,8 @@ def test_a_draft_survives_closing_the_page_and_the_server(pages, tmp_path):
         studio.wait("body", link="open")
         studio.rest()
         assert studio.figure("duration") == shown
-        expect(studio.find("main")).not_to_have_attribute("inert", "")
+        expect(studio.find("#panel")).not_to_have_attribute("inert", "")
+        expect(message).to_have_count(0)
         assert studio.page.evaluate("location.hash") == ""
 
 

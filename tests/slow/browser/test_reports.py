@@ -8,20 +8,24 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
-from tests.browser.axe_faults import faults, load_axe
+from tests.browser.axe_faults import ALL, faults, load_axe
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
+from armcontour.core.result import Data, Row
 from armcontour.files import parse_job
 from armcontour.files.job_file import read_cell
 from armcontour.jobs import CertificateGoal
+from armcontour.jobs.run_learning import LearnedRun, learn_logs, plan_run
 from armcontour.report import (
     render_demo,
+    render_learning,
     render_placement,
     render_report,
-    render_table,
 )
+from armcontour.report.batch_report import BatchEntry, render_batch
 from armcontour.report.identification import render_identification
+from armcontour.report.origin import Origin
 
 pytestmark = pytest.mark.browser
 DRAWINGS = FilePath(__file__).parents[3] / "examples" / "drawings"
@@ -84,13 +88,41 @@ def identified():
 
 def placed():
     grid = {"x": [-0.01, 0.01], "y": [-0.01, 1.0]}
-    return render_placement(ac.place(bend(), grid, processes=1))
+    placement = ac.place(bend(), grid, processes=1)
+    (plan,) = ac.run(placement.placed(), simulate=False).runs.values()
+    return render_placement(placement, plan)
+
+
+def learned():
+    """Two runs on a simulated robot with other gains."""
+    job = bend()
+    plan = plan_run(job, None)
+    robot = ac.ServoPlant(job.arm, job.servo.replace(kp=24.0))
+    lesson = plan.set_points
+    for _ in range(2):
+        lesson = learn_logs(job, plan, [ac.simulate(lesson, robot)], set_points=lesson)
+    return render_learning(LearnedRun(job=job, plan=plan, lesson=lesson))
 
 
 def batched():
-    rows = [(str(k), f"{10 * k} mm/s", "kept", "2.1855 s", "") for k in range(1, 40)]
-    rows.append(("40", "0.4 m/s", "refused", "-", "The path is out of reach. " * 4))
-    return render_table("Batch", "40 jobs", ("job", "limits.speed", "verdict", "motion", ""), rows)
+    words = {True: "kept", False: "NOT KEPT"}
+    rows = []
+    entries = []
+    for k in range(1, 40):
+        kept = k % 3 > 0
+        speed = f"{10 * k} mm/s"
+        shown = (
+            Row("kept", kept, "verdict", "verdict"),
+            Row("off_drawing", 1e-6 * k**2, "m", "off the drawing"),
+            Row("duration", 40 / k, "s", "motion"),
+        )
+        rows.append((str(k), speed, words[kept], f"{40 / k:.3g} s", ""))
+        entries.append(BatchEntry(name=str(k), values=f"speed {speed}", data=Data("", shown)))
+    error = "The path is out of reach. " * 4
+    rows.append(("40", "0.4 m/s", "refused", "-", error))
+    entries.append(BatchEntry(name="40", values="speed 0.4 m/s", data=Data(""), error=error))
+    header = ("job", "limits.speed", "verdict", "motion", "")
+    return render_batch("Batch", "40 jobs", header, rows, entries, Origin(job="gasket.dxf"))
 
 
 def certified():
@@ -103,6 +135,7 @@ PAGES = {
     "runs": lambda: render_report(ac.run(parts())),
     "certify": certified,
     "identify": identified,
+    "learn": learned,
     "place": placed,
     "batch": batched,
     "two jobs": lambda: render_demo([ac.run(bend()), ac.run(parts())]),
@@ -182,8 +215,60 @@ def test_a_report_is_accessible_and_no_text_is_truncated(browser, tmp_path, name
                 cut = page.evaluate(CUT_OFF)
                 page_faults += [f"{width} {state}: cut off: {x}" for x in cut]
             load_axe(page)
-            page_faults += [f"{width}: {x}" for x in faults(page)]
+            page_faults += [f"{width}: {x}" for x in faults(page, impacts=ALL)]
     assert not page_faults, "\n".join(page_faults)
+
+
+# Sections whose contents paper does not have, and figures that are not drawn or wider than paper.
+NOT_PRINTED = """() => {
+  const found = [];
+  const paper = document.body.getBoundingClientRect().right + 1;
+  for (const x of document.querySelectorAll("details")) {
+    const inside = [...x.children].find((y) => y.tagName !== "SUMMARY");
+    if (inside && !inside.checkVisibility({ contentVisibilityAuto: true })) found.push(x.id);
+  }
+  const all = (selector) => [...document.querySelectorAll(selector)];
+  found.push(...all(".plots").filter((x) => !x.querySelector("canvas")).map((x) => x.id));
+  found.push(...all("table").filter((x) => !x.checkVisibility()).map((x) => x.textContent));
+  found.push(...all(".still").filter((x) => !x.checkVisibility()).map(() => "no arm"));
+  found.push(...all(".space, .player").filter((x) => x.checkVisibility()).map(() => "3-D"));
+  for (const x of document.querySelectorAll(".plots canvas, table, svg"))
+    if (x.getBoundingClientRect().right > paper) found.push(`wide: ${x.outerHTML.slice(0, 80)}`);
+  return found;
+}"""
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_report_is_printed_whole(browser, tmp_path, name):
+    with opened(browser, text_of(name), tmp_path, 1400) as page:
+        was_open = page.locator("details[open]").count()
+        page.evaluate("() => { window.dispatchEvent(new Event('beforeprint')); }")
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": 718, "height": 1000})
+        assert page.evaluate(NOT_PRINTED) == []
+        # The first page begins with the verdict or the first figure below the title.
+        first = page.locator(".front").first.bounding_box()
+        assert first["y"] < 250
+        page.emulate_media(media="screen")
+        page.evaluate("() => { window.dispatchEvent(new Event('afterprint')); }")
+        assert page.locator("details[open]").count() == was_open
+        assert page.locator("body.paper").count() == 0
+        assert len(page.pdf(format="A4")) > 10_000
+
+
+def test_a_point_of_a_batch_opens_its_run(browser, tmp_path):
+    with opened(browser, text_of("batch"), tmp_path, 1400) as page:
+        section = page.locator("#job-2")
+        assert section.get_attribute("open") is None
+        page.locator(".scatter a[href='#job-2']").click()
+        assert section.get_attribute("open") is not None
+        assert section.locator("table").first.is_visible()
+        red = page.locator("td.not-kept").first
+        assert red.inner_text() == "NOT KEPT"
+        colour, grey = (
+            x.evaluate("e => getComputedStyle(e).color") for x in (red, page.locator("td").nth(1))
+        )
+        assert colour != grey
 
 
 def test_figures_and_drawings_react_to_the_pointer(browser, tmp_path):

@@ -12,17 +12,28 @@ from armcontour.core.text import capitalise
 from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
-from armcontour.report.section import Front, Section, side_by_side, text_table, tiles
+from armcontour.report.section import Front, Section, Tile, side_by_side, text_table, tiles
 from armcontour.report.sections.contours import MAX_ROWS
 from armcontour.report.style import RUN_COLOURS
 
 if TYPE_CHECKING:
-    from armcontour.jobs import JobResult
+    from armcontour.core.source_file import SourceFile
+    from armcontour.jobs import JobResult, RunResult
+    from armcontour.report.plan_drawing import Drawing
     from armcontour.studies.certification import Certificate
 
 
-def certified(job_result: JobResult, certificate: Certificate) -> Front:
-    """Make the first screen of a certificate's report."""
+# Name of the value of the smallest distance between two bodies.
+CLEARANCE = "clearance.low"
+
+
+def certified(
+    job_result: JobResult, certificate: Certificate, set_points: SourceFile | None = None
+) -> Front:
+    """Make the first screen of a certificate's report.
+
+    `set_points`: name and fingerprint of the file with the certified set-points.
+    """
     data = certificate.to_data()
     model = capitalise(certificate.model)
     rows = {x.name: x for x in data.shown()}
@@ -34,17 +45,29 @@ def certified(job_result: JobResult, certificate: Certificate) -> Front:
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
+    if set_points is not None:
+        words = f"{set_points.name} with SHA-256 {set_points.fingerprint}…"
+        sentences.append(("Certified set-points", words))
     shown = next(iter(job_result.runs.values()))
     drawing = draw_plan(shown, job_result.job)
     words = "Certified" if verdict.value else "Not certified"
     return Front(
         verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
-        tiles=tiles(data, places=drawing.places),
+        tiles=(*tiles(data, places=drawing.places), *_clearance_tile(shown, drawing)),
         drawing=drawing,
         arm=draw_arm(shown, job_result.job),
         sentences=tuple(sentences),
     )
+
+
+def _clearance_tile(shown: RunResult, drawing: Drawing) -> tuple[Tile, ...]:
+    """Return the tile with the smallest distance of the plan; none if it is unknown."""
+    row = next((x for x in shown.to_data().shown() if x.name == CLEARANCE), None)
+    if row is None:
+        return ()
+    place = drawing.places.get(CLEARANCE, "")
+    return (Tile(label=row.label, value=figure(row), note=row.note, place=place),)
 
 
 def section_of(result: Certificate) -> Section:

@@ -136,15 +136,15 @@ def _table(result: RunResult) -> TextTable:
     done = result.motion
     arm = result.arm
     limits = result.run.limits
-    plan = result.torques
+    torques = result.peak_torques
     amounts = [
         ("velocity", "rad/s", _worst("joint_velocity", limits, done.dq)),
         ("acceleration", "rad/s^2", _worst("joint_acceleration", limits, done.ddq)),
     ]
     if limits.joint_jerk is not None and result.evaluation is not None:
         amounts.append(("jerk", "rad/s^3", use_of("joint_jerk", limits, result.evaluation.jerk)))
-    if plan is not None:
-        amounts.append(("planned torque", "N m", use_of("joint_torque", limits, plan.peak)))
+    if torques is not None:
+        amounts.append(("planned torque", "N m", use_of("joint_torque", limits, torques)))
     columns: list[tuple[Row, Sequence[Any]]] = [(Row("joint", None, "", "joint"), arm.joint_names)]
 
     def add(label: str, unit: str, values: FloatArray) -> None:

@@ -30,6 +30,9 @@ SQUEEZED = 0.5
 MAX_BARS = 1200
 # Number of points in the assigned-velocity curve.
 ASSIGNED_POINTS = 4000
+# An axis of errors in mm begins at SMALLEST_ERROR if an error is larger than NOTABLE_ERROR [mm].
+SMALLEST_ERROR = 1e-4
+NOTABLE_ERROR = 3e-3
 # Height of a plan's bars [px].
 BARS = 28
 
@@ -135,7 +138,7 @@ def plot_error(job_result: JobResult) -> Plot | None:
             y = e.values / unit
             curves.append(Curve(x=e.t, y=y, name=name, colour=colours[run], dash=dash))
     largest = [float(np.nanmax(x.y)) for x in curves]
-    label = f"contour error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
+    label = f"error [% of {number(limit, 'm')}]" if limit else "contour error [mm]"
     plot = Plot(
         label=label,
         curves=tuple(curves),
@@ -151,6 +154,8 @@ def scale_errors(plot: Plot, logarithmic: bool = True) -> Plot:
     if not logarithmic:
         return replace(plot, limits=(0.0, 1.1 * largest))
     least = 10.0 ** np.floor(np.log10(largest / DECADES))
+    if "[mm]" in plot.label and largest > NOTABLE_ERROR:
+        least = max(least, SMALLEST_ERROR)
     raised = tuple(replace(x, y=np.maximum(x.y, least)) for x in plot.curves)
     return replace(plot, curves=raised, limits=(float(least), 1.3 * largest), logarithmic=True)
 

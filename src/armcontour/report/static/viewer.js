@@ -11,16 +11,23 @@ import {
 /** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
 /** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, thin?: boolean, colours: (piece: number) => string}} Lines in the work frame [m] */
 /** @typedef {"light" | "dark"} Theme */
-/** @typedef {{name: string, solid: Mesh, kind: string}} Solid */
+/** @typedef {{name: string, solid: Mesh, kind: string, link: number, lines?: LineSegments}} Solid */
 /** @typedef {{link: number, points: Vector3[]}} Corners of a body, in the frame of its link [m] */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
-const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Cell: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
+const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Cell: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Front: [-Math.PI / 2, 0.05], Side: [0, 0.05] });
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-/** Resolution in software rendering while something moves, because each pixel's shadow takes time. */
-const COARSE = 0.75;
+/** Numbers of pixels in software rendering while something moves, because each pixel takes time; smallest and largest resolution of these. */
+const PIXELS = [200e3, 120e3, 80e3, 50e3];
+const [COARSEST, FINEST] = [0.4, 0.75];
+/** Mean time that pictures wait above which the next smaller number of pixels is used [ms], and the number of pictures of a mean. */
+const [SLOW, PACED] = [24, 8];
+/** Depth of the ground in the slab that shows a floor of the scene [m], so that the slab hides it at every resolution. */
+const SUNK = 0.01;
+/** Width of a shadow's soft edge on the ground [m]. */
+const SOFT_EDGE = 0.03;
 /** Time after the last change until the picture is drawn with smooth edges [ms]. */
 const REST = 600;
 /** Vertical field of view [degrees]; largest angle from above, so that the camera stays above the floor; angle of a visible edge [degrees]. */
@@ -100,8 +107,12 @@ export class Viewer {
     this.alarm = dot();
     /** Lines by whether they are thin: the path, and rapids, which do not hide it. */
     this.paths = [3, 1].map((linewidth) => new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ vertexColors: true, linewidth })));
+    /** The same lines with a width of one pixel, for software rendering while something moves: wide lines take three times the whole rest. */
+    this.thinPaths = this.paths.map(() => new LineSegments(new BufferGeometry(), new LineBasicMaterial({ vertexColors: true })));
+    /** Whether there are such lines. */
+    this.hasLines = this.paths.map(() => false);
     this.gap = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 2, depthTest: false, transparent: true }));
-    for (const x of [...this.paths, this.gap]) x.frustumCulled = false;
+    for (const x of [...this.paths, ...this.thinPaths, this.gap]) x.frustumCulled = false;
     // The frame of the path; a positioner moves it.
     /** Dots at touched points. */
     this.touched = new Group();
@@ -111,7 +122,7 @@ export class Viewer {
     /** Arrows along the tool axis. */
     this.axes = new LineSegments2(new LineSegmentsGeometry(), new LineMaterial({ linewidth: 1.5 }));
     this.axes.frustumCulled = this.axes.visible = false;
-    this.onWork = new Group().add(...this.paths, this.alarm, this.touched, this.model, this.axes);
+    this.onWork = new Group().add(...this.paths, ...this.thinPaths, this.alarm, this.touched, this.model, this.axes);
     this.onWork.matrixAutoUpdate = false;
     this.gap.visible = this.alarm.visible = false;
     this.scene.add(new HemisphereLight("#ffffff", "#b9bfc6", 1.5), this.sun, this.sun.target, this.floor, this.tip, this.onWork, this.gap);
@@ -130,19 +141,27 @@ export class Viewer {
     this.solids = [];
     /** Solids of the model. @type {Solid[]} */
     this.modelSolids = [];
+    /** Corners of the model's parts in the frame of the path [m]. @type {Vector3[]} */
+    this.modelBox = [];
     /** The shown frame `model`. @type {Frame | null} */
     this.shownModel = null;
     /** Called after each picture. */
     this.drawn = () => {};
+    /** The marked nearest points and the marked refused point. @type {(number[][] | number[] | null)[]} */
+    this.marked = [null, null];
     /** Names of the bodies that are shown in red. */
     this.alarmed = "";
     this.theme = theme;
     this.chain = new Chain(arm.head.joints, arm.head.tool);
+    /** Frames of the links at the shown posture, the base first. @type {Matrix4[]} */
+    this.links = [];
     this.work = this.onPart = poseOf(arm.head.part.at);
     this.part = 0;
     this.reach = 1;
     this.points = /** @type {Vector3[]} */ ([]);
     this.pieces = this.frames = this.waits = this.resting = 0;
+    /** Index of the number of pixels while something moves; how long the last pictures waited [ms], and their number. */
+    this.coarseness = this.waited = this.paced = 0;
     this.size = this.view = "";
     this.setArm(arm);
     new ResizeObserver(() => {
@@ -155,6 +174,11 @@ export class Viewer {
   name(view) {
     this.view = view;
     for (const x of this.bar.children) x.ariaPressed = String(x.textContent === view);
+  }
+
+  /** Names of the views. */
+  get views() {
+    return Object.keys(VIEWS);
   }
 
   /** @param {string} view */
@@ -185,11 +209,8 @@ export class Viewer {
     this.solids.push(...this.modelSolids);
     const wide = Math.ceil(4 * this.reach);
     const grid = new GridHelper(wide, wide / (this.reach > WIDE ? COARSE_GRID : FINE_GRID));
-    // The ground is in the slab that shows a floor of the scene, not in its surface.
-    grid.rotateX(Math.PI / 2).position.z = this.ground - 0.001;
+    grid.rotateX(Math.PI / 2).position.z = this.ground - SUNK;
     this.groups.push(grid);
-    this.floor.scale.setScalar(wide);
-    this.floor.position.z = this.ground - 0.001;
     this.scene.add(...this.groups);
     this.setJoints(head.joints.map(() => 0));
     this.placeSun();
@@ -217,6 +238,24 @@ export class Viewer {
     sun.position.set(0.7 * radius, -0.9 * radius, 1.7 * radius).add(middle);
     Object.assign(sun.shadow.camera, { left: -radius, right: radius, top: radius, bottom: -radius, near: 0.1 * radius, far: 4 * radius });
     sun.shadow.camera.updateProjectionMatrix();
+    this.placeFloor();
+  }
+
+  /** Draw the ground only where bodies can throw shadows, because each pixel of it takes time. */
+  placeFloor() {
+    const rays = this.sun.position.clone().sub(this.sun.target.position);
+    const [low, high, point] = [new Vector3(Infinity, Infinity, 0), new Vector3(-Infinity, -Infinity, 0), new Vector3()];
+    const shade = (/** @type {Vector3} */ corner, /** @type {Matrix4} */ pose) => {
+      point.copy(corner).applyMatrix4(pose);
+      point.addScaledVector(rays, (this.ground - point.z) / rays.z);
+      low.min(point);
+      high.max(point);
+    };
+    for (const { link, points } of this.corners) for (const x of points) shade(x, this.groups[link].matrix);
+    for (const x of this.modelBox) shade(x, this.work);
+    this.floor.visible = low.x < high.x;
+    this.floor.position.set((low.x + high.x) / 2, (low.y + high.y) / 2, this.ground - SUNK);
+    this.floor.scale.set(high.x - low.x + SOFT_EDGE, high.y - low.y + SOFT_EDGE, 1);
   }
 
   /** @param {{name: string, link: number, colour: string, at: number[][]}} body @param {Float32Array} triangles [m] */
@@ -234,7 +273,7 @@ export class Viewer {
       setMatrix(x, poseOf(at));
       this.groups[link].add(x);
     }
-    this.solids.push({ name, solid, kind });
+    this.solids.push({ name, solid, kind, link, lines: edges });
   }
 
   /** @param {string} name of a colour */
@@ -285,10 +324,12 @@ export class Viewer {
             colours.push(r, g, b, r, g, b);
           }
       }
-      path.geometry.dispose();
+      for (const x of [path, this.thinPaths[k]]) x.geometry.dispose();
       path.geometry = new LineSegmentsGeometry();
-      path.visible = ends.length > 0;
+      this.hasLines[k] = ends.length > 0;
       if (ends.length) path.geometry.setPositions(ends).setColors(colours);
+      const [positions, shades] = [ends, colours].map((x) => new BufferAttribute(new Float32Array(x), 3));
+      this.thinPaths[k].geometry = new BufferGeometry().setAttribute("position", positions).setAttribute("color", shades);
       this.pieces += ends.length / 6;
     });
     this.draw();
@@ -323,6 +364,7 @@ export class Viewer {
     this.model.traverse((x) => /** @type {Mesh} */ (x).geometry?.dispose());
     this.model.clear();
     this.modelSolids = [];
+    this.boxModel();
     if (!frame) return true;
     const { points, breaks, triangles, part_breaks: ends } = frame.arrays;
     frame.head.parts.forEach((/** @type {string} */ name, /** @type {number} */ k) => {
@@ -330,17 +372,24 @@ export class Viewer {
       const solid = new Mesh(toCreasedNormals(shape, 0.55), this.material("part"));
       solid.castShadow = true;
       solid.receiveShadow = true;
-      this.modelSolids.push({ name, solid, kind: "part" });
+      this.modelSolids.push({ name, solid, kind: "part", link: -1 });
       this.model.add(solid);
     });
     const lines = new BufferGeometry().setAttribute("position", new BufferAttribute(segmentsOf(points, breaks), 3));
     this.model.add(new LineSegments(lines, this.material("line")));
+    this.boxModel();
     return true;
+  }
+
+  boxModel() {
+    this.modelBox = this.modelSolids.flatMap(({ solid }) => cornersOf(solid.geometry, this.model.matrix));
   }
 
   /** Place the model in the frame of the path. @param {number[][]} at 4x4 */
   placeModel(at) {
     setMatrix(this.model, poseOf(at));
+    this.boxModel();
+    this.placeFloor();
     this.renderer.shadowMap.needsUpdate = true;
   }
 
@@ -377,6 +426,8 @@ export class Viewer {
 
   /** Show the nearest points of two bodies in the base frame [m], and a refused point. @param {number[][] | null} nearest @param {number[] | null} refused */
   mark(nearest, refused) {
+    if (this.marked[0] === nearest && this.marked[1] === refused) return;
+    this.marked = [nearest, refused];
     this.gap.visible = nearest !== null;
     if (nearest) this.gap.geometry.setPositions(nearest.flat());
     this.alarm.visible = refused !== null;
@@ -393,13 +444,43 @@ export class Viewer {
     this.draw();
   }
 
+  /** Place a body that is dragged. @param {string} name @param {Matrix4} pose in the frame of the floor */
+  placeBody(name, pose) {
+    const found = this.solids.find((x) => x.name === name && x.link >= 0);
+    if (!found) return;
+    const inLink = this.groups[found.link].matrix.clone().invert().multiply(pose);
+    for (const x of [found.solid, found.lines]) if (x) setMatrix(x, inLink);
+    this.renderer.shadowMap.needsUpdate = true;
+    this.draw();
+  }
+
+  /** Return points of the floor's frame on the canvas [px], as pairs; NaN behind the eye. @param {Vector3[]} points */
+  toScreen(points) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    this.eye.updateMatrixWorld();
+    return points.map((point) => {
+      const { x, y, z } = point.clone().project(this.eye);
+      return z > 1 ? [NaN, NaN] : [((1 + x) / 2) * width, ((1 - y) / 2) * height];
+    });
+  }
+
+  /** Return the ray through a point of the canvas, in the floor's frame. @param {number} x px @param {number} y px @returns {{from: Vector3, along: Vector3}} `along` has length 1 */
+  rayAt(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    this.eye.updateMatrixWorld();
+    const along = new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(this.eye).sub(this.eye.position).normalize();
+    return { from: this.eye.position.clone(), along };
+  }
+
   /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} tool position in the base frame [m] */
   setJoints(q) {
     const links = this.chain.links(q);
+    this.links = links;
     const tool = this.chain.toolOf(links);
     links.forEach((x, k) => setMatrix(this.groups[k], x));
     this.work = links[this.part].clone().multiply(this.onPart);
     setMatrix(this.onWork, this.work);
+    this.placeFloor();
     this.tip.position.copy(originOf(tool));
     this.renderer.shadowMap.needsUpdate = true;
     this.draw();
@@ -417,14 +498,9 @@ export class Viewer {
     return found;
   }
 
-  /** Corners of the model's parts in the frame of the path. @returns {Vector3[]} */
-  modelCorners() {
-    return this.modelSolids.flatMap(({ solid }) => cornersOf(solid.geometry, this.model.matrix));
-  }
-
   /** Points that are in the picture: the path and the model, for the whole cell also all bodies. @param {boolean} whole @returns {Vector3[]} */
   shownPoints(whole) {
-    const points = [...this.points, ...this.modelCorners()].map((x) => x.clone().applyMatrix4(this.work));
+    const points = [...this.points, ...this.modelBox].map((x) => x.clone().applyMatrix4(this.work));
     if (!whole && points.length) return points;
     for (const { link, points: corners } of this.corners) points.push(...corners.map((x) => x.clone().applyMatrix4(this.groups[link].matrix)));
     return [...points, this.tip.position];
@@ -493,19 +569,45 @@ export class Viewer {
   /** Draw in the next screen frame; once nothing changes any more, with smooth edges. */
   draw() {
     if (this.waits) return;
+    const asked = performance.now();
     this.waits = requestAnimationFrame(() => {
       this.waits = 0;
+      this.pace(performance.now() - asked);
       this.render(false);
       clearTimeout(this.resting);
-      if (this.software) this.resting = setTimeout(() => this.render(true), REST);
+      if (this.software) this.resting = setTimeout(() => this.rest(), REST);
     });
+  }
+
+  /** Draw with smooth edges, unless another picture follows. */
+  rest() {
+    if (this.waits) return;
+    this.render(true);
+    // The next motion begins with finer pictures: the machine may have more time then.
+    this.waited = this.paced = 0;
+    this.coarseness = Math.max(0, this.coarseness - 1);
+  }
+
+  /** Choose the number of pixels by how long pictures wait for the ones before them. @param {number} wait [ms] */
+  pace(wait) {
+    this.waited += wait;
+    this.paced += 1;
+    if (this.paced < PACED) return;
+    if (this.waited > PACED * SLOW) this.coarseness = Math.min(PIXELS.length - 1, this.coarseness + 1);
+    this.waited = this.paced = 0;
   }
 
   /** @param {boolean} rests true if nothing moves, so that drawing may take longer */
   render(rests) {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (width < 2 || height < 2) return;
-    const ratio = this.software ? (rests ? 2 : COARSE) : Math.min(2, devicePixelRatio);
+    const isCoarse = this.software && !rests;
+    this.hasLines.forEach((has, k) => {
+      this.paths[k].visible = has && !isCoarse;
+      this.thinPaths[k].visible = has && isCoarse;
+    });
+    const coarse = Math.sqrt(PIXELS[this.coarseness] / (width * height));
+    const ratio = isCoarse ? Math.min(FINEST, Math.max(COARSEST, coarse)) : this.software ? 2 : Math.min(2, devicePixelRatio);
     if (String([width, height, ratio]) !== this.size) {
       this.size = String([width, height, ratio]);
       this.renderer.setPixelRatio(ratio);
@@ -516,7 +618,12 @@ export class Viewer {
     Object.assign(this.eye, { near: Math.max(0.005, away / 100), far: away + 6 * this.reach });
     Object.assign(/** @type {Fog} */ (this.scene.fog), { near: away + this.reach, far: away + 2.5 * this.reach });
     this.eye.updateProjectionMatrix();
+    // While something moves, the shadow is at most one picture old.
+    const { shadowMap } = this.renderer;
+    const isShadowDue = shadowMap.needsUpdate;
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 0;
     this.renderer.render(this.scene, this.eye);
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 1;
     this.frames += 1;
     this.host.dataset.frames = String(this.frames);
     this.drawn();

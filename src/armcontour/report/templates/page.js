@@ -6,7 +6,23 @@ const AXIS = { font: FONT, labelFont: FONT, stroke: "#222", grid: { stroke: "#e4
 const loaded = document.getElementById("packed-figures") ? load() : Promise.resolve(null);
 loaded.catch(() => document.body.classList.add("without-figures"));
 const drawn = new Map();
+// Module and data that draw figures, when they are loaded.
+let library = null;
 let viewerCode = null;
+delayLoad();
+
+// A browser that prints a page at once waits for the event `load`: a chain of images delays it until the figures can be drawn.
+function delayLoad() {
+  let isLoaded = false;
+  loaded.then((x) => { library = x; }, () => {}).finally(() => { isLoaded = true; });
+  const next = () => {
+    if (isLoaded) return;
+    const image = new Image();
+    image.onload = image.onerror = next;
+    image.src = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw==";
+  };
+  next();
+}
 
 function unpack(name) {
   const packed = Uint8Array.from(atob(document.getElementById(`packed-${name}`).textContent), (x) => x.charCodeAt(0));
@@ -34,15 +50,35 @@ async function loadViewer() {
 // Draw the figures of open sections, and report when all are drawn.
 async function drawOpen() {
   document.body.removeAttribute("data-drawn");
-  const library = await loaded.catch(() => null);
-  for (const box of library ? document.querySelectorAll(".plots") : []) {
-    if (box.checkVisibility() && !drawn.has(box)) draw(box, library.figures[box.id], library.uPlot);
-  }
+  library = await loaded.catch(() => null);
+  drawPlots();
   document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();
   document.body.dataset.drawn = "true";
   // Arms are last, because their code is the largest.
   for (const figure of document.querySelectorAll(".moving:not([data-shown])")) if (figure.checkVisibility()) showArm(figure);
+}
+
+function drawPlots() {
+  for (const box of library ? document.querySelectorAll(".plots") : []) {
+    if (box.checkVisibility() && !drawn.has(box)) draw(box, library.figures[box.id], library.uPlot);
+  }
+}
+
+// On paper, all sections and all choices are open, and their figures fit the paper.
+let closed = [];
+function preparePaper() {
+  closed = [...document.querySelectorAll("details:not([open]), .choice[hidden]")];
+  closed.forEach((x) => (x.tagName === "DETAILS" ? (x.open = true) : (x.hidden = false)));
+  document.body.classList.add("paper");
+  drawPlots();
+  fitPage();
+}
+
+function leavePaper() {
+  closed.forEach((x) => (x.tagName === "DETAILS" ? (x.open = false) : (x.hidden = true)));
+  document.body.classList.remove("paper");
+  fitPage();
 }
 
 // Longest time in which an arm shows its motion [s]; longer motions are shown faster.
@@ -57,7 +93,7 @@ async function showArm(figure) {
     const { createViewer, rendererName, unpack: frameOf } = await viewerCode;
     if (rendererName() === null) throw new Error("no WebGL");
     const [arm, motion] = await Promise.all(["arm", "motion"].map(async (x) => frameOf(await unpack(`${figure.id}-${x}`).arrayBuffer())));
-    player.hidden = false;
+    player.hidden = space.hidden = false;
     const viewer = createViewer(space, arm, "light");
     player.append(viewer.bar);
     const paint = () => {
@@ -72,7 +108,8 @@ async function showArm(figure) {
     viewer.look("Cell");
   } catch (error) {
     console.error(error);
-    space.textContent = "This browser cannot draw the arm in space: it needs WebGL.";
+    player.hidden = space.hidden = true;
+    figure.querySelector(".trouble").hidden = false;
   }
 }
 
@@ -336,6 +373,8 @@ document.addEventListener("click", (event) => {
 });
 window.addEventListener("hashchange", openTarget);
 document.addEventListener("toggle", drawOpen, { capture: true });
+window.addEventListener("beforeprint", preparePaper);
+window.addEventListener("afterprint", leavePaper);
 let resized = 0;
 window.addEventListener("resize", () => {
   clearTimeout(resized);

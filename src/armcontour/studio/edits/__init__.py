@@ -12,8 +12,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change
 from armcontour.studio.edits.edges import pick, unpick
-from armcontour.studio.edits.keys import add_run, set_value, unset_value
-from armcontour.studio.edits.layout import obstacle, place, tilt
+from armcontour.studio.edits.keys import add_run, order_contours, set_value, unset_value
+from armcontour.studio.edits.layout import place, tilt
+from armcontour.studio.edits.obstacles import allow, obstacle
 from armcontour.studio.edits.waypoints import (
     draw,
     insert_waypoint,
@@ -48,6 +49,7 @@ EDITS: dict[Any, EditFunction] = {
     "set": set_value,
     "unset": unset_value,
     "add_run": add_run,
+    "order": order_contours,
     "tilt": tilt,
     "move_waypoint": move_waypoint,
     "set_waypoint": set_waypoint,
@@ -55,6 +57,7 @@ EDITS: dict[Any, EditFunction] = {
     "remove_waypoint": remove_waypoint,
     "place": place,
     "obstacle": obstacle,
+    "allow": allow,
     "draw": draw,
     "pick": pick,
     "unpick": unpick,

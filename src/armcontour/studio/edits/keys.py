@@ -206,3 +206,20 @@ def add_run(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if name in runs:
         raise InvalidInput(f"The job already has a run {name}. Choose another name.")
     return [Change(("runs", name), deepcopy(runs[state.run]))]
+
+
+def order_contours(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Return the changes that set the order of contours: `orders`, pairs of contour and order.
+
+    A contour is given by its name or number, as in the key `path.contours`.
+    """
+    patch: dict[Keys, Any] = {}
+    for pair in checks.check_sequence("orders", edit["orders"], list, "lists"):
+        if len(pair) != 2 or not isinstance(pair[0], str | int):
+            raise InvalidInput(
+                "Each item of orders must be a contour and its order, such as [CUT-1, 3], but is "
+                f"{show(pair)}."
+            )
+        contour, order = pair
+        patch["path", "contours", contour, "order"] = checks.check_int("order", order)
+    return resolve_patch(state.data, patch, state.run)

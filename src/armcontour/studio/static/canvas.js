@@ -1,6 +1,7 @@
 // Drawing of the layers on a canvas, from back to front.
 
 import { themed } from "./colours.js";
+import { placeNumbers } from "./contour_numbers.js";
 import { bandOf, idleOf, marksOf } from "./polylines.js";
 import { roundUp } from "./viewport.js";
 
@@ -14,8 +15,8 @@ import { roundUp } from "./viewport.js";
 const GRID = 60; // px
 // Approximate minimum distance between contour marks.
 const ROOM = 40; // px
-// Approximate minimum distance between contour numbers.
-const NUMBER = 22; // px
+// Width of the ground around contour numbers.
+const HALO = 3; // px
 // Radius of pierce marks.
 const RING = 6.5; // px
 // Lines with more coordinates are drawn solid, because dashes take longer than the line itself.
@@ -100,14 +101,10 @@ export class Painter {
     const taken = new Set();
     const [arrows, pierces] = [new Path2D(), new Path2D()];
     const marks = this.layers.keep("marks", [picture], () => marksOf(picture));
-    for (const { at, along, out, size, inner, number, isPierced } of marks) {
+    for (const { at, along, size, inner, isPierced } of marks) {
       const [x, y] = view.toScreen(at);
       const cell = `${Math.round(x / ROOM)} ${Math.round(y / ROOM)}`;
       if (x < 0 || y < 0 || x > view.width || y > view.height) continue;
-      const [right, down] = [x + (9 + 3.2 * number.length) * out[0], y - 13 * out[1]];
-      const spot = `number ${Math.round(right / NUMBER)} ${Math.round(down / NUMBER)}`;
-      if (!taken.has(spot)) context.fillText(number, right, down);
-      taken.add(spot);
       if (size * view.scale < ROOM / 2 || taken.has(cell)) continue;
       taken.add(cell);
       arrow(arrows, x, y, along);
@@ -117,6 +114,17 @@ export class Painter {
     }
     context.fill(arrows);
     stroke(context, pierces, themed("--ink"), 1.2);
+    this.numbers(context, placeNumbers(marks, view, this.store.options.contour));
+  }
+
+  /** Draw the numbers of contours, legible over lines. @param {Context} context @param {import("./contour_numbers.js").Placed[]} numbers */
+  numbers(context, numbers) {
+    context.strokeStyle = themed("--ground");
+    context.lineWidth = HALO;
+    context.lineJoin = "round";
+    context.setLineDash([]);
+    for (const { number, x, y } of numbers) context.strokeText(number, x, y);
+    for (const { number, x, y } of numbers) context.fillText(number, x, y);
   }
 
   /** @param {Context} context @param {Viewport} view @param {Frame} moved */

@@ -4,7 +4,7 @@ import { html, useLayoutEffect, useRef } from "./vendor/preact.js";
 
 /**
  * A text field that sends its text as typed. Typed text stays when the document changes; sent text is shown as
- * the document contains it. Escape restores the document's text.
+ * the document contains it. Escape restores the document's text. Enter sends a refused text again.
  * @param {{value: string, send: (text: string) => void, [attribute: string]: any}} props
  */
 export function Entry({ value, send, ...more }) {
@@ -21,6 +21,9 @@ export function Entry({ value, send, ...more }) {
     if (text.trim() !== value) send(text.trim());
   };
   const key = (/** @type {KeyboardEvent} */ event) => {
+    // A refused value is tried again, although its text is the same.
+    const isRefused = more["aria-invalid"] === "true" && field.current?.value === known.current;
+    if (event.key === "Enter" && isRefused) send(known.current.trim());
     if (event.key !== "Escape" || !field.current) return;
     field.current.value = value;
     field.current.select();
@@ -35,11 +38,11 @@ export const Remedies = ({ all = [], take }) => all.map((edits) => {
 });
 
 /**
- * Buttons for changes of the job; brief buttons have their sentences as tooltips. `taken` is called before a change is sent.
- * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link, taken?: () => void}} props
+ * Buttons for changes of the job; brief buttons have their sentences as tooltips. `result` is the result that also applies to the changed job.
+ * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link, result?: string}} props
  */
-export const Changes = ({ changes, brief, link, taken = () => {} }) => changes.map(({ label, short, condition, edits }) =>
-  html`<button type="button" title=${brief && label} onClick=${() => (taken(), link.edit(edits))}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
+export const Changes = ({ changes, brief, link, result }) => changes.map(({ label, short, condition, edits }) =>
+  html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits, { result })}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
 
 /** Column heads; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {

@@ -7,8 +7,9 @@ import { unpack } from "./message_frame.js";
 /** @typedef {import("./state.js").Store} Store */
 /**
  * State of the connection, sent as the event `link`: "starting", "open", "lost" (the page tries again) or
- * "refused" (it does not); `sentence` is for the user, `busy` is true while an edit has no answer.
- * @typedef {{state: "starting" | "open" | "lost" | "refused", sentence: string, busy: boolean}} LinkState
+ * "refused" (it does not); `sentence` is for the user, `busy` is true while an edit has no answer. With `stopped`, no server
+ * answers at the address, so it has ended or was killed; `lost` tells whether an edit had no answer then.
+ * @typedef {{state: "starting" | "open" | "lost" | "refused", sentence: string, busy: boolean, stopped?: boolean, lost?: boolean}} LinkState
  */
 /** @typedef {Record<string, any> & {op: string}} Message */
 
@@ -25,7 +26,7 @@ const MAX_IN_FLIGHT = 3;
 // An edit without an answer for this long no longer holds back the next one.
 const ANSWER_WITHIN = 2000;
 const REFUSED = "Open the address that `armcontour studio` printed last; it may be pasted into this tab.";
-const ENDED = "The Studio has ended. Start it again: your changes are kept. Open the address that it prints; it may be pasted into this tab.";
+const ENDED = "The Studio was stopped";
 
 /** True if the address contains a token; other hashes are anchors in the page. */
 const hasToken = () => /^#[0-9a-f]{32}$/.test(location.hash);
@@ -53,6 +54,8 @@ export class Link {
     this.wait = FIRST_WAIT;
     /** When the connection was lost; 0 while it is open. */
     this.lost = 0;
+    /** True if an edit had no answer when it was lost. */
+    this.isChangeLost = false;
     this.retry = 0;
     /** @type {number[]} edits that have no answer yet, by seq */
     this.inFlight = [];
@@ -108,12 +111,12 @@ export class Link {
   /**
    * Send an edit, or keep it while too many have no answer. A later edit of the same gesture replaces a waiting one.
    * @param {object[]} edits all changes since the gesture's start
-   * @param {{gesture?: number, final?: boolean, at?: number}} [how] without: a gesture of its own; `at` is
-   *   when the user moved (the event's time stamp)
+   * @param {{gesture?: number, final?: boolean, at?: number, result?: string}} [how] without: a gesture of its own; `at` is
+   *   when the user moved (the event's time stamp), `result` a result that also applies to the changed job
    */
-  edit(edits, { gesture = this.newGesture(), final = true, at = performance.now() } = {}) {
+  edit(edits, { gesture = this.newGesture(), final = true, at = performance.now(), result } = {}) {
     if (this.state.state !== "open") return;
-    const message = { op: "edit", gesture, final, edits, at };
+    const message = { op: "edit", gesture, final, edits, at, result };
     const last = this.pending.at(-1);
     if (last && last.gesture === gesture) this.pending.pop();
     this.pending.push(message);
@@ -184,6 +187,7 @@ export class Link {
     if (this.state.state !== "open") {
       this.wait = FIRST_WAIT;
       this.lost = 0;
+      this.isChangeLost = false;
       this.store.restart();
       this.tell("open", "Connected");
     }
@@ -206,16 +210,18 @@ export class Link {
   /** @param {CloseEvent} event */
   closed(event) {
     this.socket = null;
-    const lost = this.pending.length > 0 || this.inFlight.length > 0;
+    this.isChangeLost ||= this.pending.length > 0 || this.inFlight.length > 0;
+    // A server that is only out of reach for a moment answers the first attempt to connect again.
+    const stopped = this.lost > 0;
     this.pending = [];
     this.afterChange = [];
     this.change = 0;
     this.land();
     if (event.code === 1008 || event.code >= 4000) return this.tell("refused", `${event.reason} ${REFUSED}`.trim());
-    const change = lost ? " The last change may be lost." : "";
     this.lost ||= performance.now();
-    if (performance.now() > this.lost + GIVE_UP_AFTER) return this.tell("refused", ENDED);
-    this.tell("lost", `The server does not answer; the page tries again.${change}`);
+    const facts = { stopped, lost: this.isChangeLost };
+    if (performance.now() > this.lost + GIVE_UP_AFTER) return this.tell("refused", ENDED, facts);
+    this.tell("lost", stopped ? ENDED : "The connection is interrupted; the page connects again.", facts);
     this.retry = setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
   }
@@ -227,9 +233,9 @@ export class Link {
     this.store.tell("link", this.state);
   }
 
-  /** @param {LinkState["state"]} state @param {string} sentence */
-  tell(state, sentence) {
-    this.state = { state, sentence, busy: false };
+  /** @param {LinkState["state"]} state @param {string} sentence @param {{stopped?: boolean, lost?: boolean}} [facts] */
+  tell(state, sentence, facts = {}) {
+    this.state = { state, sentence, busy: false, ...facts };
     this.store.isOffline = state !== "open";
     this.store.tell("link", this.state);
   }

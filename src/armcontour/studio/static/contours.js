@@ -5,6 +5,7 @@ import { find } from "./dom.js";
 import { layers, moveContour, runContour, runLayer } from "./form.js";
 import { contourLabel, seconds } from "./format.js";
 import { kindAt } from "./polylines.js";
+import { orderByDragging } from "./reorder.js";
 import { nowAndThen, READING } from "./state.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -32,7 +33,6 @@ function limitOf(picture, k) {
 export function init(store) {
   const region = find("#tab-contours");
   const all = () => /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
-  let dragged = -1;
   let isMoved = false;
   const select = (/** @type {number} */ k) => {
     isMoved = false;
@@ -41,7 +41,8 @@ export function init(store) {
   const row = (/** @type {Contour} */ { number, name, layer, t }, /** @type {number} */ k) => {
     const picture = /** @type {import("./state.js").Frame} */ (store.latest("picture"));
     const { colour } = styleOf(t ? limitOf(picture, k) : "unknown", store.theme);
-    return html`<li draggable=${true} onDragStart=${() => (dragged = k)} onDragOver=${(/** @type {Event} */ e) => dragged >= 0 && e.preventDefault()} onDrop=${() => move(dragged, k)} onDragEnd=${() => (dragged = -1)}><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
+    return html`<li data-row=${k}><button type="button" aria-pressed=${String(store.options.contour === k)} onClick=${() => select(k)}>
+      <span class="grip" aria-hidden="true" title="Drag to run it earlier or later">⠿</span>
       <span class="dot" style=${`background: ${colour}`} /><span class="name">${contourLabel({ number, name })}</span>
       <small>${!name.startsWith(`${layer}-`) && layer}</small><span class="time">${t ? `${seconds(t[1] - t[0])} s` : ""}</span></button>${store.options.contour === k && MOVES.map(([key, text, when, by]) => html`<button type="button" class="move" title=${`Run it ${when} (Alt+${text})`} aria-label=${`Run contour ${number} ${when}`} aria-keyshortcuts=${`Alt+${key}`} onClick=${() => move(k, k + by)}>${text}</button>`)}</li>`;
   };
@@ -62,6 +63,7 @@ export function init(store) {
     isMoved = false;
     next.focus();
   };
+  orderByDragging(region, move);
   const update = nowAndThen(READING, () => {
     const contours = all();
     if (region.hidden) return;
@@ -72,7 +74,7 @@ export function init(store) {
       html`${known.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${known.map(([name, is]) =>
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
         <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}${left.slice(0, MOST).map((x) => html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
-          <span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
+          <span class="grip" /><span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
         ${!contours.length && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,

@@ -34,8 +34,32 @@ function listen(list, choose) {
   };
 }
 
+/** The settings as a drawer, in pages that are too narrow for them beside the drawing. */
+function drawer() {
+  const [panel, button] = [find("#panel"), find("#panel-open")];
+  const show = (/** @type {boolean} */ is) => {
+    document.body.dataset.drawer = is ? "open" : "closed";
+    button.setAttribute("aria-expanded", String(is));
+    if (is) find("[role=tab][aria-selected=true]", panel).focus();
+    else if (panel.contains(document.activeElement)) button.focus();
+  };
+  show(false);
+  button.addEventListener("click", () => show(document.body.dataset.drawer !== "open"));
+  find("#panel-close").addEventListener("click", () => show(false));
+  // The ground beside the drawer closes it.
+  addEventListener("pointerdown", ({ target }) => {
+    const isBeside = target === document.body || !(/** @type {Element} */ (target).closest("#panel, #hint, #panel-open, dialog, [popover]"));
+    if (document.body.dataset.drawer === "open" && isBeside) show(false);
+  });
+  panel.addEventListener("keydown", (event) => {
+    // In a field, Escape gives up what was typed.
+    if (event.key === "Escape" && !(/** @type {Element} */ (event.target).matches("input, textarea"))) show(false);
+  });
+}
+
 /** @param {Store} store */
 export function init(store) {
+  drawer();
   const showTabs = listen("#tabs", (tab) => store.setView({ tab, dock: true }));
   const showSides = listen("#sides", (side) => store.setView({ side: /** @type {any} */ (side) }));
   const toggle = find("#dock-toggle");

@@ -6,6 +6,7 @@ import { find, say } from "./dom.js";
 import { difference, fixed, NONE, whole } from "./format.js";
 import { timeOf, worstTime } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { inches, shownRow, shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -45,14 +46,14 @@ function remember(store) {
 function Figure({ name, row, seen, store, exact }) {
   const place = name === "kept" && PLACES.kept?.(store) === undefined ? undefined : PLACES[name];
   const isRefused = name === "kept" && store.refusal !== null;
-  const refused = store.refusal?.head.error === "Collision" ? "✗ collision" : "✗ refused";
+  const refused = store.refusal?.head.error === "Collision" ? "✗ COLLISION" : "✗ refused";
   const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && ` of ${accuracy}`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
@@ -96,7 +97,7 @@ export function knownOf(store) {
   const exact = store.isCurrent(figures);
   const executed = store.refusal ? null : store.latest("executed")?.head;
   const known = exact ? [figures?.head] : [store.latest("picture")?.head, executed];
-  return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row])) };
+  return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, shownRow(row)])) };
 }
 
 /** Return the time per limit: the exact one if it belongs to the picture. @param {Store} store @returns {any} */
@@ -153,7 +154,11 @@ export function init(store, link) {
   });
   for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, soon);
   for (const event of ["picture", "executed"]) store.on(event, nowAndThen(READING, update));
-  soon();
+  // Figures of the other unit are not comparable.
+  inches.subscribe(() => {
+    Object.assign(past, { rev: -1, rows: new Map(), before: null });
+    soon();
+  });
   /** Tell screen readers the verdict when it no longer changes, at most once a second. */
   const speak = () => {
     const { rows } = knownOf(store);

@@ -5,6 +5,7 @@ import { find } from "./dom.js";
 import { isPlain, quantity } from "./format.js";
 import { Gesture } from "./gesture.js";
 import { Entry, Remedies } from "./components.js";
+import { shownField, shownSlider, shownText, shownUnit, typedField } from "./units.js";
 import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, useSignal } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -42,26 +43,46 @@ const side = signal("process");
 const SIDES = { "Layers and order": "contours", Part: "contours", "Tool and tilt": "robot", "Arm and limits": "robot", Servo: "robot", Cell: "robot" };
 /** The selected contour as JSON, or empty; and the labels of its fields. */
 const contour = signal("");
-const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_in: "lead in", lead_out: "lead out", pierce: "pierce", tabs: "tabs", order: "order" };
+const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_in: "lead in", lead_out: "lead out", pierce: "pierce", tabs: "tabs", weave: "weave", order: "order" };
 const wanted = signal("");
 const forRun = signal(false);
 const help = signal("");
 const unhelp = () => (help.value = "");
-/** Sentences of refused edits, by key. */
-const refusals = signal(/** @type {Record<string, any>} */ ({}));
 /**
  * Edits of a key.
- * @typedef {{key: string, edits: object[], outer: string, was?: string}} Wish `outer` is the key around `key` that the server
- *   refused, or empty; `was` is the written value as JSON, with which a refused one stays in its field
+ * @typedef {{key: string, edits: object[], outer: string, was?: string, place?: string, sentence?: string, remedies?: any[]}} Wish
+ *   `outer` is the key around `key` that the server refused, or empty; `was` is the written value as JSON, with which a
+ *   refused one stays in its field; `sentence` says at the key `place` why it is refused
  */
-/** Refused edits. If other keys of `outer` caused the refusal, they are sent again with the next edit there. */
+/** Refused edits with a value that their fields keep. If other keys of `outer` caused the refusal, they are sent again with the next edit there. */
 const waiting = signal(/** @type {Wish[]} */ ([]));
+/** A refused edit without a value that a field could keep. */
+const passing = signal(/** @type {Wish | null} */ (null));
+/** Sentences and buttons of refused edits, by key. They stay until the value is accepted, changed elsewhere or given up. */
+const refusals = computed(() => {
+  const found = /** @type {Record<string, any>} */ ({});
+  for (const wish of [...waiting.value, ...(passing.value ? [passing.value] : [])]) {
+    const take = (/** @type {object[]} */ edits) => send(wish.key.split("."), [...wish.edits, ...edits]);
+    if (wish.place && wish.sentence) found[wish.place] = html`${shownText(wish.sentence)} <${Remedies} all=${wish.remedies} take=${take} />`;
+  }
+  return found;
+});
 /** The edit without an answer, and the edits that were sent with it. @type {{wish: Wish, more: Wish[]} | null} */
 let sent = null;
 /** @type {any} */
 let form = null;
 /** @type {Link} */
 let link;
+/** Usual values with which a part of the process is added by one click. @type {Record<string, Record<string, string>>} */
+const USUAL = {
+  weave: { width: "4 mm", pitch: "2 mm" },
+  tabs: { width: "2 mm", spacing: "50 mm" },
+  pierce: { time: "0.5 s" },
+  lead_in: { length: "3 mm" },
+  lead_out: { length: "3 mm" },
+};
+/** Parts that need an output which is switched, and its usual name. */
+const [SWITCHED, OUTPUT] = [new Set(["tabs", "pierce"]), "torch"];
 /** Slider positions are integers from 0 to this. */
 const STEPS = 1000;
 
@@ -119,7 +140,7 @@ function readAs(f, text) {
 /** Forget the refused edit of a key, and its sentence. @param {string} key */
 function forget(key) {
   waiting.value = waiting.value.filter((x) => x.key !== key);
-  if (key in refusals.value) refusals.value = { ...refusals.value, [key]: undefined };
+  passing.value = null;
 }
 
 /** @param {string} key @returns {string} its written value as JSON */
@@ -188,24 +209,31 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   if (sent) return true;
   const place = [key, wish.key].find((x) => x && find("#form").querySelector(`[data-key="${CSS.escape(x)}"]`));
   const outer = [key, wish.key.slice(0, wish.key.lastIndexOf("."))].find((x) => x && wish.key.startsWith(`${x}.`) && `${key}.`.startsWith(`${x}.`));
-  if (outer && key !== wish.key) waiting.value = [...waiting.value.map((x) => (more.includes(x) ? { ...x, outer } : x)), { ...wish, outer }];
-  else if (wish.edits.some((/** @type {any} */ x) => x.do === "set" && !x.insert && x.key.join(".") === wish.key)) waiting.value = [...waiting.value, { ...wish, was: writtenOf(wish.key) }];
-  const take = (/** @type {object[]} */ edits) => send(wish.key.split("."), [...wish.edits, ...edits]);
+  const isOuter = outer !== undefined && key !== wish.key;
   // The field shows its location, and the newest refusal has the reasons of the waiting edits.
   const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
-  refusals.value = { ...refusedOf((x) => x.was !== undefined), [place ?? wish.key]: html`${said} <${Remedies} all=${remedies} take=${take} />` };
+  const refused = { ...wish, place: place ?? wish.key, sentence: said, remedies, was: writtenOf(wish.key), outer: isOuter ? outer : "" };
+  const others = waiting.value.map((x) => {
+    if (isOuter && more.includes(x)) return { ...x, outer, sentence: "" };
+    return isOuter && x.outer === outer ? { ...x, sentence: "" } : x;
+  });
+  if (isOuter || wish.edits.some((x) => isValue(x, wish.key))) [waiting.value, passing.value] = [[...others, refused], null];
+  else passing.value = refused;
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
 }
 
-/** Return the sentences of waiting edits that a function selects. @param {(wish: Wish) => boolean} of */
-const refusedOf = (of) => Object.fromEntries(Object.entries(refusals.value).filter(([key]) => waiting.value.some((x) => of(x) && (x.key === key || x.outer === key))));
+/** Return whether an edit sets the value of a field. @param {any} edit @param {string} key */
+function isValue(edit, key) {
+  const isMapping = edit.value !== null && typeof edit.value === "object" && !Array.isArray(edit.value);
+  return edit.do === "set" && !edit.insert && !isMapping && [edit.key].flat().join(".") === key;
+}
 
-/** After a change of the job, sent edits are done, and waiting edits of changed keys are forgotten. */
+/** After a change of the job, sent edits are done, and waiting edits of keys that were changed elsewhere are forgotten. */
 function accept() {
-  const made = sent ? [sent.wish, ...sent.more] : waiting.value;
-  waiting.value = waiting.value.filter((x) => (x.was === undefined ? !made.includes(x) : x.was === writtenOf(x.key)));
-  refusals.value = refusedOf(() => true);
+  const made = sent ? [sent.wish, ...sent.more] : [];
+  waiting.value = waiting.value.filter((x) => !made.includes(x) && x.was === writtenOf(x.key));
+  passing.value = null;
   sent = null;
 }
 
@@ -256,12 +284,15 @@ function One({ f, at, label = f.name }) {
   });
   // Values of external axes are shown in the units of the page, whatever their units in the file.
   const [{ written, from }, row, shown, refused] = JSON.parse(state.value);
+  const lengthUnit = row?.unit ?? shown?.unit ?? f.unit ?? "";
   const place = useRef(/** @type {HTMLElement | null} */ (null));
   const is = written !== undefined ? from : row?.arm ? "arm" : at[1] === "contours" ? "contour" : "default";
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
   const given = refused === null && shown ? shown.text : textOf(refused !== null ? refused : key === "arm" ? (written?.name ?? written?.file ?? written) : written);
-  const value = typeof row?.value === "number" && (is === "arm" || is === "default") ? quantity(row.value, row) : given;
+  const isComputed = typeof row?.value === "number" && (is === "arm" || is === "default");
+  // A refused value is shown as it was typed.
+  const value = refused !== null ? given : shownField(isComputed ? quantity(Number(row?.value), /** @type {Slider} */ (row)) : given, lengthUnit);
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
   const title = [f.text, where].filter(Boolean).join(" ");
   const name = words(label);
@@ -269,7 +300,7 @@ function One({ f, at, label = f.name }) {
   const escape = (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && forget(key);
   // The written value changes while the field has the focus.
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
-  let control = html`<${Entry} ...${more} value=${value} placeholder=${hintOf(f)} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, text))} />`;
+  let control = html`<${Entry} ...${more} value=${value} placeholder=${shownText(hintOf(f))} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, typedField(text, lengthUnit)))} />`;
   if (f.choices && !isChosen)
     control = html`${control}<datalist id=${`${id}-known`}>${f.choices.map((x) => html`<option value=${String(x)} />`)}</datalist>`;
   if (f.tick) control = html`<input type="checkbox" ...${more} checked=${written ?? f.default ?? false} onChange=${(/** @type {any} */ e) => set(at, e.target.checked)} />`;
@@ -282,8 +313,8 @@ function One({ f, at, label = f.name }) {
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
   // A plain number in the file stays a plain number; its unit is shown next to it.
-  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? (row?.unit ?? shown?.unit ?? f.unit) : "";
-  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape} onInput=${() => (refusals.value = { ...refusals.value, [key]: undefined })}>
+  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? shownUnit(lengthUnit) : "";
+  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
@@ -323,8 +354,9 @@ function Range({ slider, at, written, place }) {
     gesture.current ??= new Gesture(link);
     const value = valueAt(slider, Number(target.value));
     const field = place.current?.querySelector("input");
-    if (field) field.value = quantity(value, slider);
-    target.setAttribute("aria-valuetext", quantity(value, slider));
+    const text = quantity(value, shownSlider(slider));
+    if (field) field.value = text;
+    target.setAttribute("aria-valuetext", text);
     gesture.current.update([{ do: "set", key: at, value, run: isOfRun(at) }], timeStamp);
   };
   const end = () => {
@@ -339,15 +371,28 @@ function Range({ slider, at, written, place }) {
 
 /**
  * A group that the user opens, or that opens because a key in it is written or found. Its content is created when it is open.
- * @param {{at: Key, title: string, text?: string, count: number, told?: string, content: () => any}} props
+ * @param {{at: Key, title: string, text?: string, count: number, told?: string, aside?: any, content: () => any}} props
  */
-function Fold({ at, title, text, count, told = " set", content }) {
+function Fold({ at, title, text, count, told = " set", aside, content }) {
   const open = useSignal(count > 0);
   const isOpen = open.value || Boolean(wanted.value);
-  return html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
+  const fold = html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
     <summary title=${text}>${words(title)}${count > 0 && html` <small>${count}${told}</small>`}</summary>
     <${Refusal} at=${at} />${isOpen && content()}
   </details>`;
+  return aside ? html`<div class="with-usual">${fold}${aside}</div>` : fold;
+}
+
+/** A button that adds a part of the process with usual values, which it names. @param {{at: Key, name: string}} props */
+function AddUsual({ at, name }) {
+  const values = USUAL[name];
+  const text = Object.entries(values).map(([key, x]) => `${key} ${shownText(x)}`).join(", ");
+  const add = () => {
+    const needsOutput = SWITCHED.has(name) && writtenAt(["process", "switch"]).written === undefined;
+    const output = { do: "set", key: ["process", "switch", "name"], value: OUTPUT };
+    send(at, [{ do: "set", key: at, value: values, run: isOfRun(at) }, ...(needsOutput ? [output] : [])]);
+  };
+  return html`<button type="button" class="usual-values" aria-label=${`Add ${words(name).toLowerCase()}: ${text}`} onClick=${add}>+ ${text}</button>`;
 }
 
 /** A mapping. @param {Props & {more?: any}} props */
@@ -357,8 +402,9 @@ function Part({ f, at, label = f.label ?? f.name, more = null }) {
     return written !== null && typeof written === "object" ? Object.keys(written).length : Number(written !== undefined);
   });
   const fields = (f.fields ?? []).filter((x) => !wanted.value || isNamed(f) || isFound(x));
+  const usual = count.value === 0 && f.name in USUAL && html`<${AddUsual} at=${at} name=${f.name} />`;
   const leave = !f.needed && count.value > 0 && html`<p class="acts"><button type="button" onClick=${() => unset(at)}>Remove ${label.replaceAll("_", " ")}</button></p>`;
-  return html`<${Fold} at=${at} title=${label} text=${f.text} count=${count.value} content=${() => html`${more}${fields.map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${leave}`} />`;
+  return html`<${Fold} at=${at} title=${label} text=${f.text} count=${count.value} aside=${usual} content=${() => html`${more}${fields.map((x) => html`<${Any} key=${x.name} f=${x} at=${[...at, x.name]} />`)}${leave}`} />`;
 }
 
 /** @param {Props} props */
@@ -481,7 +527,7 @@ export function moveContour(all, k, other) {
   const isTour = ["nearest", "shortest"].includes(head.value.data.process?.order);
   const [begin, end] = isTour ? [0, keys.length] : high < keys.length - low ? [0, high] : [low, keys.length];
   const first = end < keys.length ? orders[end] - high : isTour ? 1 : (orders[low - 1] ?? 0) + 1;
-  link.edit(keys.slice(begin, end).map((key, i) => ({ do: "set", key, value: first + i })));
+  link.edit([{ do: "order", orders: keys.slice(begin, end).map((key, i) => [key[2], first + i]) }]);
 }
 
 /** Fields of the selected contour. */
@@ -518,6 +564,12 @@ function Form() {
     ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}`;
 }
 
+/** Return whether a document shows a run that was added just now: the edits that follow are for it. @param {any} next @returns {boolean} */
+function isNewRun(next) {
+  const before = head.value;
+  return before?.id === next.id && !before.runs.some((/** @type {{name: string}} */ x) => x.name === next.run);
+}
+
 /** Fields, cells, formats and endings of jobs. @type {Promise<any>} */
 export const known = fetch("/static/form.json").then((answer) => answer.json());
 
@@ -528,12 +580,13 @@ export async function init(store, to) {
   store.on("document", (/** @type {any} */ frame) => {
     if (frame.rev !== rev) {
       rev = frame.rev;
+      if (isNewRun(frame.head)) forRun.value = true;
       head.value = frame.head;
       accept();
     }
     head.value = frame.head;
   });
-  store.on("reset", () => ([waiting.value, refusals.value] = [[], {}]));
+  store.on("reset", () => ([waiting.value, passing.value] = [[], null]));
   form = await known;
   for (const event of ["view", "picture"])
     store.on(event, () => {

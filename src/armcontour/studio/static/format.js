@@ -28,6 +28,9 @@ export const textOf = (row) => (row ? `${row.text} ${row.unit}`.trim() : NONE);
 /** Time. @param {number | null | undefined} s @returns {string} */
 export const seconds = (s) => fixed(s, 3);
 
+/** A time with its unit. @param {number} s @returns {string} */
+export const clockOf = (s) => `${short(s)} s`;
+
 /** A length. @param {number | null | undefined} m @param {number} [decimals] @returns {string} mm */
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 
@@ -46,6 +49,12 @@ export function difference(a, b) {
 export function short(x, digits = 4) {
   if (!Number.isFinite(x)) return NONE;
   return String(Number(x.toPrecision(digits)));
+}
+
+/** Date and time to the minute, as the server writes them. @param {Date} time @returns {string} */
+export function timeText(time) {
+  const two = (/** @type {number} */ x) => String(x).padStart(2, "0");
+  return `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${two(time.getHours())}:${two(time.getMinutes())}`;
 }
 
 const PLAIN = /^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$/;

@@ -2,6 +2,7 @@
 
 import { show } from "./dialog.js";
 import { find, say } from "./dom.js";
+import { inches } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -52,6 +53,9 @@ export function init(store, link) {
   run.addEventListener("change", () => link.send({ op: "select", run: run.value }));
   buttons.undo.addEventListener("click", () => link.send({ op: "undo" }));
   buttons.redo.addEventListener("click", () => link.send({ op: "redo" }));
+  const units = find("#units");
+  units.addEventListener("click", () => (inches.value = !inches.value));
+  inches.subscribe((is) => units.setAttribute("aria-pressed", String(is)));
   store.on("document", (/** @type {any} */ { head }) => {
     say(find("#name"), head.name || "untitled");
     find("#name").title = head.file ?? head.title ?? "";

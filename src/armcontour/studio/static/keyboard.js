@@ -1,6 +1,8 @@
 // Keyboard control of everything that the mouse can do. In a field, keys belong to the field.
 
 import { find } from "./dom.js";
+import { shownMotion } from "./motion.js";
+import { chooseTool, toggleTool, toggleTransparent } from "./tool_strip.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -10,8 +12,12 @@ import { find } from "./dom.js";
 const isField = (target) => target instanceof Element && target.matches("textarea, select, input:not([type=range], [type=checkbox], [type=radio], [type=button])");
 
 /** @param {KeyboardEvent} event @returns {string} such as "ctrl+shift+z" */
-function nameOf({ key, ctrlKey, metaKey, altKey, shiftKey }) {
-  const ctrl = ctrlKey || metaKey;
+function nameOf(event) {
+  const { key, metaKey, shiftKey } = event;
+  // AltGr, which some keyboards need for brackets, is reported as Ctrl and Alt.
+  const isAltGr = event.getModifierState("AltGraph");
+  const ctrl = (event.ctrlKey && !isAltGr) || metaKey;
+  const altKey = event.altKey && !isAltGr;
   // Shift alone is part of the character.
   const shift = shiftKey && (ctrl || key.length > 1);
   return [ctrl && "ctrl", altKey && "alt", shift && "shift", key.toLowerCase()].filter(Boolean).join("+");
@@ -24,10 +30,7 @@ function actions(store, view) {
     view.view.pan(x, y);
     view.moved();
   };
-  const step = (/** @type {number} */ by) => () => {
-    const count = store.latest("picture")?.head.contours.length;
-    if (count) store.selectContour((store.options.contour + by + count) % count);
-  };
+  const jump = (/** @type {string} */ name) => () => /** @type {HTMLElement} */ (find(`#playback [data-jump=${name}]`)).click();
   const stages = /** @type {const} */ (["2d", "both", "3d"]);
   return {
     "ctrl+z": click("undo"),
@@ -36,9 +39,14 @@ function actions(store, view) {
     "ctrl+s": click("save"),
     "ctrl+o": click("open"),
     " ": () => /** @type {HTMLElement} */ (find("#playback .play")).click(),
-    n: step(1),
-    p: step(-1),
-    f: () => view.fit(),
+    "[": jump("contour-before"),
+    "]": jump("contour-after"),
+    "{": jump("stop-before"),
+    "}": jump("stop-after"),
+    ".": jump("slowest"),
+    home: () => store.setTime(0),
+    end: () => store.setTime(shownMotion(store)?.duration ?? 0),
+    f: () => store.tell("fit"),
     "+": () => view.zoomBy(1.4),
     "=": () => view.zoomBy(1.4),
     "-": () => view.zoomBy(1 / 1.4),
@@ -46,10 +54,14 @@ function actions(store, view) {
     "shift+arrowright": pan(-60, 0),
     "shift+arrowup": pan(0, 60),
     "shift+arrowdown": pan(0, -60),
-    e: () => store.document.model && store.setView({ edges: !store.options.edges }),
-    x: () => store.document.model && store.setView({ transparent: !store.options.transparent }),
-    m: () => store.setView({ place: !store.options.place }),
-    v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    v: () => chooseTool(store, "select"),
+    e: () => toggleTool(store, "edges"),
+    g: () => toggleTool(store, "move"),
+    m: () => toggleTool(store, "measure"),
+    o: () => toggleTool(store, "obstacles"),
+    x: () => toggleTransparent(store),
+    b: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    ...Object.fromEntries([1, 2, 3, 4, 5].map((number) => [String(number), () => store.tell("look", number)])),
     d: () => store.setView({ dock: !store.options.dock }),
     "?": click("help-open"),
   };
@@ -69,9 +81,11 @@ export function init(store, link, { view }) {
     const name = nameOf(event);
     const everywhere = name === "ctrl+s" || name === "ctrl+o";
     if (!act[name] || (isField(event.target) && !everywhere)) return;
-    // On sliders and buttons, letters and signs are free, but arrows are not.
-    if (event.target instanceof HTMLInputElement && event.key.startsWith("Arrow")) return;
-    if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]")) return;
+    // On sliders and buttons, letters and signs are free, but keys that move a slider are not. Panels scroll with Home and End.
+    const isEnd = event.key === "Home" || event.key === "End";
+    if (event.target instanceof HTMLInputElement && (isEnd || event.key.startsWith("Arrow"))) return;
+    if (isEnd && event.target instanceof Element && event.target.matches("[role=tabpanel], [role=tabpanel] *")) return;
+    if (name === " " && event.target instanceof Element && event.target.matches("button, summary, a, input, [role]:not(.scrub)")) return;
     event.preventDefault();
     if (!store.document && name !== "?") return;
     if (!name.startsWith("ctrl+")) return act[name]();

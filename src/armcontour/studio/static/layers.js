@@ -6,7 +6,7 @@ import { indexAt } from "./state.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
 
-const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000];
 // Wished size of the magnified error on the screen; the factor changes if the size leaves the range.
 const WISHED = 34; // px
 const TOO_SMALL = 13;
@@ -136,10 +136,16 @@ export class Layers {
    * @param {number} scale px per m @returns {number}
    */
   magnification(scale) {
-    const most = this.most("executed", "error") * scale;
-    if (most * this.factor < TOO_SMALL || most * this.factor > TOO_LARGE) {
-      this.factor = FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
-    }
+    this.factor = magnificationOf(this.most("executed", "error") * scale, this.factor);
     return this.factor;
   }
+}
+
+/**
+ * Return the factor by which errors are magnified, so that the largest is well visible; it stays while it is good enough.
+ * @param {number} most largest error on the screen [px] @param {number} now the factor until now @returns {number}
+ */
+export function magnificationOf(most, now) {
+  if (most * now >= TOO_SMALL && most * now <= TOO_LARGE) return now;
+  return FACTORS.findLast((factor) => most * factor <= WISHED) ?? 1;
 }

@@ -5,6 +5,7 @@ import { handledOf } from "./corner.js";
 import { headOf } from "./figures.js";
 import { mm, short } from "./format.js";
 import { scaleOf } from "./polylines.js";
+import { inches, shownText } from "./units.js";
 import { scaleBar } from "./viewport.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -20,6 +21,8 @@ const LENGTH = 26; // px
 /** Mark of the tool at the time when two bodies are nearest to each other [px]. */
 export const NEAREST = [[-7, -5], [7, 5], [7, -5], [-7, 5]];
 const SHADES = 24;
+/** Maximum lengths of the scale bars of the drawing and of magnified errors [px]. */
+const [SCALE_LENGTH, ERROR_LENGTH] = [90, 60];
 
 /** @param {string} colour @param {number[]} dash @param {number} width @param {string} text @param {number} [length] @returns {Sample} */
 const sample = (colour, dash, width, text, length = LENGTH) => ({ colour, dash, width, length, text });
@@ -42,11 +45,11 @@ function colouringOf(store, layers) {
   const shades = Array.from({ length: SHADES }, (_, k) => heat(k / (SHADES - 1), store.theme));
   if (executed && colour === "error") {
     const { allowed } = executed.head;
-    const scale = { shades, from: "off the drawing 0", to: `${short(1000 * scaleOf(executed), 3)} mm ${allowed == null ? "at most" : "allowed"}` };
+    const scale = { shades, from: "off the drawing 0", to: `${shownText(`${short(1000 * scaleOf(executed), 3)} mm`)} ${allowed == null ? "at most" : "allowed"}` };
     const isOver = allowed != null && layers.most("executed", "off") > allowed;
     return [scale, ...(isOver ? [sample(themed("--alarm"), [], 3, "more than allowed")] : [])];
   }
-  return [{ shades, from: `${colour} 0`, to: `${mm(layers.most("picture", "speed"), 1)} mm/s` }];
+  return [{ shades, from: `${colour} 0`, to: shownText(`${mm(layers.most("picture", "speed"), 1)} mm/s`) }];
 }
 
 /**
@@ -75,10 +78,14 @@ export function legendOf(store, layers, picture, magnify) {
  * @returns {Sample[]}
  */
 export function scalesOf(scale, magnify) {
-  const { length, pixels } = scaleBar(scale);
-  const found = [sample(themed("--quiet"), [], 2, `${short(1000 * length)} mm`, pixels)];
-  if (magnify <= 1) return found;
-  const error = scaleBar(scale * magnify, 60);
-  found.push(sample(themed("--executed"), [], 2, `${short(1000 * error.length)} mm of error`, error.pixels));
+  const found = [scaleSample(scale, SCALE_LENGTH, themed("--quiet"), "")];
+  if (magnify > 1) found.push(scaleSample(scale * magnify, ERROR_LENGTH, themed("--executed"), " of error"));
   return found;
+}
+
+/** Return a scale bar with a round length in the shown unit. @param {number} scale px per m @param {number} most px @param {string} colour @param {string} meaning @returns {Sample} */
+function scaleSample(scale, most, colour, meaning) {
+  const [unit, size] = inches.value ? ["in", 0.0254] : ["mm", 0.001];
+  const { length, pixels } = scaleBar(scale * size, most);
+  return sample(colour, [], 2, `${short(length)} ${unit}${meaning}`, pixels);
 }

@@ -4,6 +4,7 @@ import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
 import { headOf } from "./figures.js";
 import { NEAREST } from "./legend.js";
+import { comparedExecution, isWorking } from "./motion.js";
 import { worstTime } from "./polylines.js";
 import { along, indexAt } from "./state.js";
 
@@ -50,20 +51,20 @@ class Marks {
 
   /** @param {Frame} picture */
   placeCursor(picture) {
-    const { time, place, options, refusal } = this.store;
+    const { time, place } = this.store;
     const isPlanned = picture.arrays.path_t.length > 0;
     this.dot.toggleAttribute("hidden", !isPlanned);
     if (isPlanned) move(this.dot, this.view.view.toScreen(pointOf(picture, time, place)));
     const near = isPlanned && headOf(this.store).nearest?.t;
     this.nearest.toggleAttribute("hidden", typeof near !== "number");
     if (typeof near === "number") move(this.nearest, this.view.view.toScreen(pointOf(picture, near, this.store.placeAt(near))));
-    const executed = refusal || options.colour !== "error" || !this.store.isCurrent(this.store.latest("executed")) ? null : this.store.latest("executed");
-    // Between contours, no execution is known.
-    const isWorking = executed && !executed.arrays.breaks.includes(indexAt(executed.arrays.t, time) + 1);
-    this.tool.toggleAttribute("hidden", !isWorking);
-    this.largest.toggleAttribute("hidden", !executed);
-    if (executed) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worstTime(executed))));
-    if (isWorking) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
+    const executed = comparedExecution(this.store);
+    const isShown = executed && isWorking(executed, time);
+    this.tool.toggleAttribute("hidden", !isShown);
+    const isWorstShown = executed && this.store.options.colour === "error";
+    this.largest.toggleAttribute("hidden", !isWorstShown);
+    if (isWorstShown) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worstTime(executed))));
+    if (isShown) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
   /** Return the executed tool position, with its error magnified as drawn. @param {Frame} executed @param {number} t @returns {[number, number]} m */
@@ -84,7 +85,8 @@ class Marks {
   /** @param {PointerEvent} event */
   hover(event) {
     const picture = this.store.latest("picture");
-    if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
+    const measures = this.store.options.tool === "measure";
+    if (!picture || measures || event.buttons || event.pointerType === "touch") return this.leave();
     const [x, y] = this.view.within(event);
     const { view, layers } = this.view;
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);

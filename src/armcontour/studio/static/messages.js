@@ -1,9 +1,12 @@
 // Messages of the server: refusals, notices, failures; and the state of the connection.
 
+import { contactsOf } from "./collision.js";
 import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
 import { refuseAt } from "./form.js";
+import { Stopped } from "./stopped.js";
+import { shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -39,29 +42,28 @@ export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
-  // Messages cover the drawing, but not the buttons above it.
-  const place = () => document.body.style.setProperty("--messages", `${find("#views").getBoundingClientRect().top + 48}px`);
-  new ResizeObserver(place).observe(find("#views"));
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
   const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([]), t = /** @type {number | undefined} */ (undefined)) =>
-    render(html`<span>${sentence}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
+    render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
-    refused.hidden = !frame;
+    // A collision has a box of its own.
+    refused.hidden = !frame || contactsOf(store).length > 0;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
     refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);
   });
   let task = "";
   store.on("progress", (/** @type {any} */ { head }) => {
-    const { steps = [], share, state, tier } = head;
+    const { steps = [], share, part, left, state, tier } = head;
     if (!(head.task in WORK)) return;
     task = head.task;
     work.hidden = state === "done";
     const name = tier === "exact" ? "Exact figures" : WORK[task];
-    const how = `: ${steps.at(-1) ?? "…"}${share ? `, ${Math.round(100 * share)} %` : ""}`;
+    const done = part || (share ? `${Math.round(100 * share)} %` : "");
+    const how = [`: ${steps.at(-1) ?? "…"}`, done, left ? `about ${Math.ceil(left)} s left` : ""].filter(Boolean).join(", ");
     render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
   });
   // A refused job has also started.
@@ -85,12 +87,14 @@ export function init(store, link) {
     if (gone && !banner.isConnected) focused = /** @type {HTMLElement} */ (document.activeElement);
     if (gone) find("#messages").append(banner);
     else banner.remove();
-    say(banner, `Not connected, so nothing can be changed. ${link.sentence}`);
-    for (const region of document.querySelectorAll("main, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
+    const { stopped = false, lost: isChangeLost = false } = link;
+    document.body.dataset.stopped = String(stopped);
+    render(stopped ? html`<${Stopped} head=${store.document} isChangeLost=${isChangeLost} />` : html`<p>Not connected, so nothing can be changed. ${link.sentence}</p>`, banner);
+    for (const region of document.querySelectorAll("#stage, #panel, #playback, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);
-    say(state, link.state === "open" ? "" : link.sentence);
+    say(state, { open: "", starting: link.sentence }[/** @type {string} */ (link.state)] ?? "Not connected");
     state.title = link.sentence;
   });
 }

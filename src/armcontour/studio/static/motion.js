@@ -1,10 +1,12 @@
 // Played motion: joint positions and tool points of the shown run over time.
 
 import { rowOf } from "./format.js";
+import { indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Numbers} Numbers */
 /** @typedef {"planned" | "executed"} Which */
+/** @typedef {import("./state.js").Frame} Frame */
 /**
  * @typedef {object} Motion
  * @property {Which} of
@@ -35,4 +37,15 @@ export function motionOf(store, of) {
 }
 
 /** Return the played motion; without the executed one, the planned one. @param {Store} store @returns {Motion | null} */
-export const shownMotion = (store) => motionOf(store, store.options.time) ?? motionOf(store, "planned");
+export const shownMotion = (store) => (store.options.time === "executed" ? motionOf(store, "executed") : null) ?? motionOf(store, "planned");
+
+/** Return the execution whose tool is shown beside the planned one; null for none. @param {Store} store @returns {Frame | null} */
+export function comparedExecution(store) {
+  const { options, refusal } = store;
+  const executed = store.latest("executed");
+  const isWished = options.time !== "planned" || options.colour === "error";
+  return isWished && !refusal && store.isCurrent(executed) ? executed : null;
+}
+
+/** Return whether the tool is on a contour at a time; between contours, no deviation is known. @param {Frame} executed @param {number} t s */
+export const isWorking = ({ arrays: { t: times, breaks } }, t) => t >= times[0] && t <= times[times.length - 1] && !breaks.includes(indexAt(times, t) + 1);

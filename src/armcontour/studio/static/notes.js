@@ -5,12 +5,13 @@ import { headOf } from "./figures.js";
 import { Tabular } from "./components.js";
 import { contourLabel } from "./format.js";
 import { nowAndThen, READING } from "./state.js";
+import { inches, shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 
 /** A titled list of sentences; nothing if it is empty. @param {{title: string, sentences: any[]}} props */
-const Sentences = ({ title, sentences }) => html`${sentences.length > 0 && html`<section><h2>${title}</h2><ul>${sentences.map((text) => html`<li>${text}</li>`)}</ul></section>`}`;
+const Sentences = ({ title, sentences }) => html`${sentences.length > 0 && html`<section><h2>${title}</h2><ul>${sentences.map((text) => html`<li>${typeof text === "string" ? shownText(text) : text}</li>`)}</ul></section>`}`;
 
 /** @param {Store} store */
 export function init(store) {
@@ -28,7 +29,7 @@ export function init(store) {
     // The panel has room for the limit, its time and its share.
     const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3));
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ { contour, t, sentence }) =>
-      html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${sentence}`);
+      html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}`);
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />
         ${shares.length > 0 && html`<section><h2>Time by limit</h2><table><${Tabular} columns=${head} rows=${shares} /></table></section>`}
@@ -38,4 +39,5 @@ export function init(store) {
     );
   });
   for (const event of ["arm", "picture", "figures", "view"]) store.on(event, update);
+  inches.subscribe(update);
 }

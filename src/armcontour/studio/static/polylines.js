@@ -205,7 +205,7 @@ export function idleOf(picture) {
 
 /**
  * Return each contour's start and direction, the outward direction there, its size, and a later point.
- * @param {Frame} picture @returns {(Place & {out: [number, number], size: number, inner: Place, number: string, isPierced: boolean})[]}
+ * @param {Frame} picture @returns {(Place & {out: [number, number], centre: [number, number], size: number, inner: Place, number: string, isPierced: boolean})[]}
  */
 export function marksOf({ head, arrays }) {
   const [points, breaks] = arrays.path?.length ? [arrays.path, arrays.path_breaks] : [arrays.objective, arrays.objective_breaks];
@@ -214,7 +214,8 @@ export function marksOf({ head, arrays }) {
     const { left, right, bottom, top } = /** @type {import("./viewport.js").Box} */ (boxOf(line));
     const out = unit(line[0] - (left + right) / 2, line[1] - (bottom + top) / 2);
     const size = Math.max(right - left, top - bottom);
-    return { ...placeOn(line, 0), out, size, inner: placeOn(line, line.length >> 2), number: String(number), isPierced: pierces };
+    const centre = /** @type {[number, number]} */ ([(left + right) / 2, (bottom + top) / 2]);
+    return { ...placeOn(line, 0), out, size, centre, inner: placeOn(line, line.length >> 2), number: String(number), isPierced: pierces };
   });
 }
 

@@ -4,7 +4,7 @@ import { ask } from "./dialog.js";
 import { verdictOf } from "./colours.js";
 import { find, whileSeen } from "./dom.js";
 import { knownOf, past } from "./figures.js";
-import { difference, NONE, textOf } from "./format.js";
+import { difference, NONE, textOf, timeText } from "./format.js";
 import { Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -21,12 +21,15 @@ export function init(store, link) {
   /** Figures of runs that were shown with this text of the job, by name. @type {Map<string, Known>} */
   const known = new Map();
   let text = "";
+  /** When the newest figure came. */
+  let when = "";
   /** Keep the figures of the shown run until the text changes. */
   const learn = () => {
     const { document, refusal } = store;
     if (!document) return;
     if (document.text !== text) known.clear();
     text = document.text;
+    when = timeText(new Date());
     const run = store.latest("picture")?.head.run;
     if (run === undefined || refusal) return;
     const { exact, executed, rows } = knownOf(store);
@@ -54,7 +57,9 @@ export function init(store, link) {
   for (const event of EVENTS) store.on(event, learn);
   whileSeen(store, region, EVENTS, () => {
     if (!store.document) return;
-    render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button></p>
+    const { name: job, hash } = store.document;
+    render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button>
+        <span class="quiet made">${when}, job ${job}, SHA-256 ${hash}. Figures of an earlier state of the job are left out.</span></p>
         <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`, region);
   });
 }

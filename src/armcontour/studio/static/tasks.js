@@ -1,13 +1,12 @@
-// Tasks by button: certificate, export, report, logs; and their results.
+// Tasks by button: certificate, export, report, logs. Their results are in results.js.
 
-import { verdictOf } from "./colours.js";
-import { find, give, say } from "./dom.js";
+import { find, say } from "./dom.js";
 import { known } from "./form.js";
-import { whole } from "./format.js";
+import { timeText } from "./format.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
-import { Changes, Tabular } from "./components.js";
+import { addResult, markOutdated, Outcome, results } from "./results.js";
 import { touchOptions, TouchTable } from "./touches.js";
-import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js";
+import { html, render, signal, useComputed } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -18,27 +17,11 @@ import { html, render, signal, useComputed, useSignal } from "./vendor/preact.js
  *   max?: number, unit?: string}} Choice
  */
 /** @typedef {{task: string, title: string, what: string, onLogs?: boolean, table?: any, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
-/**
- * Result of a task.
- * @typedef {{id: string, task: string, title: string, time: string, state: "running" | "done" | "refused" | "cancelled" | "failed",
- *   text?: string, progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
- */
-/** A file that the server stores for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
-
-/** A table as Python gives it; the first row has the columns. @typedef {{title: string, cells: string[][]}} Table */
-
-/** Maximum numbers: kept results, shown table rows, letters per figure. */
-const [MAX_RESULTS, MAX_ROWS, LONG] = [12, 200, 24];
+/** @typedef {import("./results.js").Result} Result */
 
 const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-/** Joints of the arm, whether the server is connected, and the text of the job. */
-const [joints, isOpen, newest] = [signal(0), signal(false), signal("")];
-/** Tasks whose results apply to the job at that time. */
-const OF_JOB = new Set(["certify", "export", "changes", "report", "learn", "measure"]);
-/** Result whose change was sent last: a measured frame also applies to the job that has it. */
-let used = "";
-/** Results, the newest first. */
-const results = signal(/** @type {Result[]} */ ([]));
+/** Joints of the arm, and whether the server is connected. */
+const [joints, isOpen] = [signal(0), signal(false)];
 
 /** All tasks, in the order of their buttons. @returns {Task[]} */
 const tasks = () => [
@@ -88,54 +71,6 @@ function Form({ start, ...task }) {
   </form>`;
 }
 
-/** @param {{result: Result, store: Store, link: Link}} props */
-function Outcome({ result: { id, task, title, time, state, progress, frame, sentence, text }, store, link }) {
-  const { steps = [], share, eta } = progress ?? {};
-  const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file } = frame?.head ?? {};
-  const isOutdated = state !== "running" && OF_JOB.has(task) && text !== newest.value;
-  const step = progress ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";
-  return html`<article class="task-result" data-task=${task} data-id=${id} data-state=${state} data-share=${share ?? ""} data-outdated=${String(isOutdated)}>
-    <h3>${title} <span class="quiet">${time}</span></h3>
-    ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
-      <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
-    <div class="task-body">
-      ${isOutdated && html`<p class="outdated">Outdated: the job has changed since. ${title} again for the job as it is now.</p>`}
-      ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
-      ${said && html`<p class="task-sentence">${said}</p>`}
-      ${changes.length > 0 && !isOutdated && html`<p class="task-file"><${Changes} changes=${changes} link=${link} taken=${() => (used = task === "measure" ? id : "")} /></p>`}
-      ${file && html`<${Download} file=${frame?.head} link=${link} />`}
-      ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
-        <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
-        ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
-      ${[...notes, ...warnings].map((text) => html`<p>${text}</p>`)}
-    </div>
-  </article>`;
-}
-
-/** Figures; long ones as text. @param {{rows: any[], theme: "light" | "dark"}} props */
-const Tiles = ({ rows, theme }) => html`<dl class="tiles">${rows.map(({ name, label, value, text, unit, note }) => {
-  const { colour = "", mark = "" } = name === "kept" ? verdictOf(value, theme) : {};
-  return html`<div class=${text.length > LONG ? "long" : ""}><dt>${label}</dt> <dd style=${`color: ${colour}`}>${mark} ${unit ? whole(text) : text} <small>${unit}</small></dd> ${note && html`<dd class="quiet">${note}</dd>`}</div>`;
-})}</dl>`;
-
-/** A file to download or, if possible, to open. @param {{file: Kept, link: Link}} props */
-function Download({ file: { file, name, bytes, open, label = `Download ${name}` }, link }) {
-  const said = useSignal("");
-  const size = `${Math.max(1, Math.round(bytes / 1000))} kB`;
-  const download = async () => {
-    try {
-      const answer = await link.request(`/files/${encodeURIComponent(file)}`);
-      if (!answer.ok) throw new Error(`the server answers ${answer.status}`);
-      give(await answer.blob(), name);
-      said.value = "Downloaded.";
-    } catch (error) {
-      said.value = `It could not be downloaded: ${error instanceof Error ? error.message : error}. Start the task again.`;
-    }
-  };
-  return html`<p class="task-file"><button type="button" title=${size} data-file=${name} onClick=${download}>${label}</button>
-    ${open && html`<a href=${open} target="_blank" rel="noopener" class="button">Open</a>`}<span class="quiet">${size}</span><span class="quiet" role="status">${said}</span></p>`;
-}
-
 /** Fill the region of the tasks. @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tasks");
@@ -146,18 +81,18 @@ export function init(store, link) {
     results.value = results.value.map((x) => (x === old ? { ...x, ...more } : x));
     if (more.progress) return;
     tell();
-    if (old.task === "changes" && old.text === store.document?.text) store.tell("advice", more.frame?.head.changes);
+    if (old.task === "changes" && !store.document?.outdated[id]) store.tell("advice", more.frame?.head.changes);
     if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
   const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
-  /** @param {Task} task @param {object} options */
+  /** @param {{task: string, title: string}} task @param {object} options */
   const start = ({ task, title }, options) => {
     // Several pages may start tasks at the same time.
     const id = `t${crypto.randomUUID().slice(0, 8)}`;
-    const time = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+    const time = timeText(new Date());
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    results.value = /** @type {Result[]} */ ([{ id, task, title, time, text: store.document?.text, ...how }, ...results.value].slice(0, MAX_RESULTS));
+    addResult(/** @type {Result} */ ({ id, task, title, time, options, ...how }));
     tell();
     if (isSent && task === "changes") store.tell("advice", null);
     // In a narrow page the results are below the forms.
@@ -176,12 +111,6 @@ export function init(store, link) {
   });
   const update = () => {
     joints.value = store.latest("arm")?.head.joints.length ?? 0;
-    newest.value = store.document?.text ?? "";
-    const text = newest.value;
-    if (used && results.value.some((x) => x.id === used && x.text !== text)) {
-      results.value = results.value.map((x) => (x.id === used ? { ...x, text } : x));
-      used = "";
-    }
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };
@@ -189,10 +118,11 @@ export function init(store, link) {
   update();
   known.then((form) => (formats.value = form.formats));
   hear(store);
+  markOutdated(store);
   render(html`<${Page} store=${store} link=${link} start=${start} />`, region);
 }
 
-/** @param {{store: Store, link: Link, start: (task: Task, options: object) => void}} props */
+/** @param {{store: Store, link: Link, start: (task: {task: string, title: string}, options: object) => void}} props */
 const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x.task === "identify" && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
-  <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} ...${more} />`)}
+  <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} again=${(/** @type {Result} */ x) => start(x, x.options)} ...${more} />`)}
     ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

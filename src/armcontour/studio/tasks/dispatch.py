@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.pool import begin_process
-from armcontour.core.progress import Progress, Step
+from armcontour.core.progress import Progress, Step, TimeLeft
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
@@ -88,18 +88,21 @@ def work(task_input: TaskInput, listener: Listener) -> bytes:
 
 def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
     """Make the callback that sends progress frames, with the estimated remaining time."""
-    started_at = reported_at = time.monotonic()
+    reported_at = time.monotonic()
+    time_left = TimeLeft(time.monotonic)
 
     def report(step: Step) -> None:
         """Send a step, unless the last one was sent less than PROGRESS_INTERVAL ago."""
         nonlocal reported_at
         now = time.monotonic()
-        share = step.done
+        left = time_left.after(step)
         if now < reported_at + PROGRESS_INTERVAL:
             return
         reported_at = now
-        remaining = (now - started_at) * (1 - share) / share if share else None
-        header = {"id": id, "task": task, "steps": step.names, "share": share, "eta": remaining}
+        header = {
+            **{"id": id, "task": task, "steps": step.names, "share": step.done},
+            **{"part": step.part, "eta": left},
+        }
         listener(MessageFrame("progress", header).pack())
 
     return report

@@ -58,6 +58,8 @@ def report(request: Request) -> MessageFrame:
 def certify(request: Request) -> MessageFrame:
     """Certify the run and create a report; the options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain
+    from armcontour.core.source_file import SourceFile
+    from armcontour.files import set_point_pieces
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
     from armcontour.studies.certification.certification import goal_of
@@ -79,7 +81,13 @@ def certify(request: Request) -> MessageFrame:
         "notes": [*data.notes, *data.warnings],
         "certificate": plain(data),
     }
-    page = render_report(certificate.job_result, certificate=certificate)
+    set_points = certificate.result.set_points
+    text = "".join(set_point_pieces(set_points, certificate.job.arm.joint_names))
+    page = render_report(
+        certificate.job_result,
+        certificate=certificate,
+        set_points=SourceFile.from_text("set_points.csv", text),
+    )
     return MessageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
 
 
@@ -128,6 +136,7 @@ def export(request: Request) -> MessageFrame:
         table = make_table(
             plan.trajectory if source == PLANNED else plan.set_points,
             name=f"{job.name} {plan.run.name} {NAMES[source]}",
+            origin=request.origin,
             arm=job.arm,
             cycle=cycle,
             derivatives=job.export.derivatives,
@@ -164,9 +173,12 @@ def identify(request: Request) -> MessageFrame:
     """Identify the servo of each joint; the frame has the edit that writes servos into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.limits_and_servo_files import servo_values
+    from armcontour.files.sources import recording_files
     from armcontour.report.identification import render_identification
+    from armcontour.report.origin import Origin
 
-    logs = read_logs(request, commanded=True)
+    with recording_files() as sources:
+        logs = read_logs(request, commanded=True)
     identification = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
     data = identification.to_data()
     changes = []
@@ -179,7 +191,8 @@ def identify(request: Request) -> MessageFrame:
         # The gains of each joint are what the user needs.
         data = replace(data, rows=(*expected, *data.rows), tables=data.tables[::-1])
     facts = {"kept": identification.trusted, "changes": changes, "label": "Download report"}
-    page = render_identification(identification).encode()
+    origin = Origin(job=request.job.name, sources=sources)
+    page = render_identification(identification, origin).encode()
     name = f"{request.job.name}-identification.html"
     return MessageFrame.of_file(name, page, {**facts, **shown(data, logs)})
 

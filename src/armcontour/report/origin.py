@@ -1,0 +1,41 @@
+"""Origin of a report: date, job, and the files from which it was computed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from armcontour.core.source_file import SourceFile
+from armcontour.jobs import Job
+
+# Environment variable with the time of reproducible pages [s since 1970, UTC], as other tools read
+# it, see https://reproducible-builds.org/specs/source-date-epoch.
+EPOCH = "SOURCE_DATE_EPOCH"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """What a page was computed from, for its header.
+
+    Args:
+        job: Name of the job; empty without one.
+        sources: Files with their fingerprints.
+    """
+
+    job: str = ""
+    sources: Sequence[SourceFile] = ()
+
+    @classmethod
+    def of(cls, job: Job, *others: SourceFile) -> Origin:
+        """Return the origin of a page about a job; `others` are further files."""
+        return cls(job=job.name, sources=(*job.sources, *others))
+
+    @property
+    def date(self) -> datetime:
+        """Time at which the page is written, or that of the environment variable `EPOCH`."""
+        fixed = os.environ.get(EPOCH)
+        if fixed is None:
+            return datetime.now().astimezone()
+        return datetime.fromtimestamp(int(fixed), UTC)

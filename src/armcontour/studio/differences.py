@@ -1,0 +1,223 @@
+"""Differences between two states of a job, as sentences for users."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import to_rpy
+from armcontour.core.render import number
+from armcontour.core.text import Keys
+from armcontour.files.file_keys import in_si
+from armcontour.files.job_model import FrameModel
+from armcontour.files.scene_file import rotation_of
+
+# Value of a key that a job does not have.
+MISSING = object()
+FRAME: Keys = ("path", "frame")
+OBSTACLES: Keys = ("scene", "obstacles")
+# Lists of the path's points, with their word for one entry.
+POINT_LISTS: dict[Keys, str] = {
+    ("path", "points"): "waypoint",
+    ("path", "segments"): "segment",
+}
+# Mappings whose entries have a name that users know, with the word for one entry.
+NAMED: dict[Keys, str] = {
+    ("path", "contours"): "Contour",
+    ("path", "layers"): "Layer",
+    ("process", "by_layer"): "Layer",
+    ("runs",): "Run",
+}
+# Largest length of a value in a sentence [characters].
+MAX_VALUE = 40
+# Smallest displayed move [m] and turn [rad] of a part; smaller ones are rounding errors.
+SMALLEST_MOVE = 1e-9
+SMALLEST_TURN = 1e-9
+ZERO = (0.0, 0.0, 0.0)
+IDENTITY = np.eye(3)
+
+
+def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Describe each difference between the data of two states of a job.
+
+    >>> differences({"limits": {"speed": "50 mm/s"}}, {"limits": {"speed": "40 mm/s"}})
+    ['Speed 50 mm/s → 40 mm/s']
+
+    Args:
+        before: Keys and values of the earlier state, as written.
+        after: Keys and values of the later state, as written.
+    """
+    # A change of several contours' order is one change for users.
+    return list(dict.fromkeys(_differences((), before, after)))
+
+
+def _differences(keys: Keys, before: Any, after: Any) -> Iterator[str]:
+    """Yield the differences between two values of a key; MISSING without a value."""
+    if before is not MISSING and before == after:
+        return
+    if keys == FRAME:
+        yield from _moves(before, after)
+    elif keys == OBSTACLES:
+        yield from _obstacles(before, after)
+    elif keys in POINT_LISTS and isinstance(before, Sequence) and isinstance(after, Sequence):
+        yield _points(POINT_LISTS[keys], before, after)
+    elif keys[:2] == ("path", "contours") and keys[3:] == ("order",):
+        yield "Order of the contours"
+    elif _is_walked(keys, before, after):
+        old = before if isinstance(before, Mapping) else {}
+        new = after if isinstance(after, Mapping) else {}
+        for key in {**old, **new}:
+            old_value = old.get(key, MISSING)
+            yield from _differences((*keys, key), old_value, new.get(key, MISSING))
+    else:
+        yield _sentence(keys, before, after)
+
+
+def _is_walked(keys: Keys, before: Any, after: Any) -> bool:
+    """Return whether a key's entries are described one by one."""
+    if isinstance(before, Mapping) and isinstance(after, Mapping):
+        return True
+    # An outer mapping that appears or goes has a name for users only through its entries.
+    present = after if before is MISSING else before
+    is_changed = before is MISSING or after is MISSING
+    is_outer = len(keys) < 2 or keys in NAMED or keys[:-1] in NAMED and keys[:-1] != ("runs",)
+    return is_changed and isinstance(present, Mapping) and bool(present) and is_outer
+
+
+def _sentence(keys: Keys, before: Any, after: Any) -> str:
+    """Describe the change of one value."""
+    name = _called(keys)
+    if before is MISSING:
+        value = _text(after)
+        return f"{name} {value}" if value else f"{name} added"
+    if after is MISSING:
+        return f"{name} removed"
+    old = _text(before)
+    new = _text(after)
+    return f"{name} {old} → {new}" if old and new else f"{name} changed"
+
+
+def _called(keys: Keys) -> str:
+    """Name a key for users: what it belongs to, and its last names."""
+    for count in range(len(keys) - 1, 0, -1):
+        word = NAMED.get(keys[:count])
+        if word is not None:
+            inner = " ".join(_words(x) for x in keys[count + 1 :])
+            return f"{word} {keys[count]}{f', {inner}' if inner else ''}"
+    names = [_words(x) for x in keys[-2:] if not isinstance(x, int)]
+    # The outer name is needed only where the last one says little, as in "tabs width".
+    is_inner = len(keys) > 2
+    words = " ".join(names if is_inner else names[-1:])
+    return words[:1].upper() + words[1:]
+
+
+def _words(key: Any) -> str:
+    """Write a key as words."""
+    return str(key).replace("_", " ")
+
+
+def _text(value: Any) -> str:
+    """Write a value as it is in the file; empty for a mapping and for a long list."""
+    if isinstance(value, Mapping):
+        return ""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    text = str(value)
+    if isinstance(value, list):
+        is_flat = not any(isinstance(x, list | Mapping) for x in value)
+        text = ", ".join(map(str, value)) if is_flat else ""
+    return text if len(text) <= MAX_VALUE else ""
+
+
+def _moves(before: Any, after: Any) -> Iterator[str]:
+    """Yield how the part has moved along each axis and turned about its z axis."""
+    old = _frame(before)
+    new = _frame(after)
+    if old is None or new is None:
+        yield "Part moved"
+        return
+    for axis, x, y in zip("XYZ", old.get("position", ZERO), new.get("position", ZERO), strict=True):
+        if abs(y - x) > SMALLEST_MOVE:
+            yield f"Part {axis} {_signed(y - x, 'm')}"
+    try:
+        turn = to_rpy(_rotation(new) @ _rotation(old).T)
+    except InvalidInput:
+        yield "Part turned"
+        return
+    if max(abs(turn)) <= SMALLEST_TURN:
+        return
+    is_about_z = max(abs(turn[:2])) <= SMALLEST_TURN
+    yield f"Part turned {_signed(float(turn[2]), 'rad')}" if is_about_z else "Part turned"
+
+
+def _frame(written: Any) -> dict[str, Any] | None:
+    """Return a written frame in SI units; None if it is not valid."""
+    data = {} if written is MISSING or written is None else written
+    if not isinstance(data, Mapping):
+        return None
+    frame = in_si(dict(data), FrameModel)
+    position = frame.get("position") or [*ZERO]
+    position = [*position, 0.0] if len(position) == 2 else position
+    numbers = [*position, *(frame.get("rpy") or ())]
+    if len(position) != 3 or not all(_is_number(x) for x in numbers):
+        return None
+    return {**frame, "position": position}
+
+
+def _rotation(frame: Mapping[str, Any]) -> Any:
+    """Return the rotation matrix of a frame in SI units."""
+    keys = {x: frame[x] for x in ("rpy", "quaternion") if x in frame}
+    rotation = rotation_of("path.frame", FrameModel(**keys))
+    return IDENTITY if rotation is None else rotation
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _signed(value: float, unit: str) -> str:
+    """Write a change with its sign and its display unit."""
+    text = number(value, unit)
+    return text.replace("-", "−") if value < 0 else f"+{text}"
+
+
+def _obstacles(before: Any, after: Any) -> Iterator[str]:
+    """Yield the obstacles that were added, removed or changed, by their names."""
+    old = _by_name(before)
+    new = _by_name(after)
+    for name in {**old, **new}:
+        if name not in new:
+            yield f"Obstacle {name} removed"
+        elif name not in old:
+            yield f"Obstacle {name} added"
+        elif old[name] != new[name]:
+            yield f"Obstacle {name} changed"
+
+
+def _by_name(bodies: Any) -> dict[str, Any]:
+    """Return a list's bodies by name, or by number without one."""
+    if not isinstance(bodies, list):
+        return {}
+    named: dict[str, Any] = {}
+    for k, body in enumerate(bodies):
+        name = body.get("name") if isinstance(body, Mapping) else None
+        named[str(name or k + 1)] = body
+    return named
+
+
+def _points(word: str, before: Sequence[Any], after: Sequence[Any]) -> str:
+    """Describe the change of a list of waypoints or segments."""
+    more = len(after) - len(before)
+    if more:
+        count = abs(more)
+        return f"{count} {word}{'s' if count > 1 else ''} {'added' if more > 0 else 'removed'}"
+    moved = [k + 1 for k, (x, y) in enumerate(zip(before, after, strict=True)) if x != y]
+    if len(moved) == 1:
+        return f"{word.capitalize()} {moved[0]} moved"
+    return f"{len(moved)} {word}s moved"

@@ -1,0 +1,185 @@
+"""Layout at four widths: no text is cut or lies over another one, and targets fit fingers."""
+
+import ezdxf
+import pytest
+from playwright.sync_api import expect
+from tests.browser.text_boxes import small_targets, text_faults
+from tests.dynamics_extra import needs_dynamics
+from tools.studio_page import serving, write_shapes
+
+pytestmark = [pytest.mark.browser, needs_dynamics]
+SIZES = ((390, 844), (820, 1180), (1440, 900), (1920, 1080))
+JOB = """\
+name: bracket of the left door
+arm: ur5e
+path:
+  file: plate.dxf
+  frame: {position: [420 mm, -20 mm, 100 mm]}
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 120 mm/s}
+corners: {tolerance: 0.2 mm}
+accuracy: 0.5 mm
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 4 ms
+runs: {own: {}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("layout")
+
+
+@pytest.fixture(scope="module")
+def server(folder):
+    drawing = ezdxf.new()
+    drawing.units = ezdxf.units.MM
+    for k in range(4):
+        layer = {"layer": "CUT" if k % 2 else "MARKING"}
+        drawing.modelspace().add_circle((24 * k, 0), 8 - k, dxfattribs=layer)
+    drawing.saveas(folder / "plate.dxf")
+    file = folder / "job.yaml"
+    file.write_text(JOB)
+    with serving(file, folder=folder) as address:
+        yield address
+
+
+def check(studio, where):
+    """No text is cut or over another one, and nothing scrolls sideways."""
+    faults = text_faults(studio.page)
+    assert not faults, (where, faults)
+    wide = "x => document.querySelector(x).scrollWidth - document.querySelector(x).clientWidth"
+    for region in ("html", "#panel", "#sides", "#bar", "#tabs", "#dock-bar"):
+        assert studio.page.evaluate(wide, region) <= 0, (where, region)
+
+
+def begin(pages, size):
+    """A page that shows the job as its file has it."""
+    studio = pages(size=size)
+    studio.begin()
+    while studio.find("#undo").is_enabled():
+        with studio.renewing():
+            studio.find("#undo").click()
+    studio.rest()
+    return studio
+
+
+def open_settings(studio, side):
+    """Open a tab of the settings, which are a drawer in narrow pages."""
+    if studio.find("#panel-open").is_visible() and studio.told("body", "drawer") != "open":
+        studio.find("#panel-open").click()
+    studio.tab(side)
+
+
+def close_settings(studio):
+    """Close the drawer, if the settings are one."""
+    if studio.find("#panel-close").is_visible():
+        studio.find("#panel-close").click()
+        expect(studio.find("#panel")).to_be_hidden()
+
+
+@pytest.mark.parametrize("size", SIZES, ids=[str(x[0]) for x in SIZES])
+def test_no_text_is_cut_or_over_another_one(size, pages):
+    studio = begin(pages, size)
+    width = size[0]
+    check(studio, (width, "kept"))
+    for side in ("contours", "process", "robot", "notes"):
+        open_settings(studio, side)
+        check(studio, (width, side))
+    studio.tab("contours")
+    studio.find("ol.contours button").first.click()
+    check(studio, (width, "a contour"))
+    studio.tab("process")
+    # A run that is not kept has longer figures, and its settings are changed.
+    with studio.changing():
+        studio.type("accuracy", "0.001 mm")
+    close_settings(studio)
+    check(studio, (width, "not kept"))
+    # A refused value has a sentence with a button.
+    open_settings(studio, "process")
+    studio.find("#panel .seek input").fill("pierce")
+    studio.type("process.pierce.time", "0.3 s")
+    expect(studio.find("#panel .refused")).to_be_visible()
+    check(studio, (width, "refused"))
+    studio.find("#panel .seek input").fill("")
+    close_settings(studio)
+    for tab in ("runs", "tasks", "charts", "waypoints"):
+        studio.tab(tab)
+        check(studio, (width, tab))
+    studio.do("report")
+    studio.wait(".task-result[data-task=report]", state="done", outdated="false")
+    check(studio, (width, "report"))
+    with studio.changing():
+        studio.find("#undo").click()
+    studio.wait(".task-result[data-task=report]", outdated="true")
+    check(studio, (width, "outdated"))
+    studio.find("#dock-toggle").click()
+    studio.find("#steps-open").click()
+    check(studio, (width, "steps"))
+    studio.page.keyboard.press("Escape")
+    if studio.find("#menu-open").is_visible():
+        studio.find("#menu-open").click()
+        check(studio, (width, "menu"))
+    studio.find("#units").click()
+    studio.page.keyboard.press("Escape")
+    check(studio, (width, "inches"))
+
+
+@pytest.mark.parametrize("size", SIZES[:2], ids=[str(x[0]) for x in SIZES[:2]])
+def test_narrow_pages_show_the_stage_and_targets_for_fingers(size, pages):
+    studio = begin(pages, size)
+    # Nothing scrolls: header, verdict, drawing and time are in one screen.
+    assert studio.page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    stage = studio.find("#stage").bounding_box()
+    assert stage["height"] > 0.35 * size[1] and stage["y"] < 130
+    figures = studio.find("#figures").bounding_box()
+    assert figures["height"] < 70
+    expect(studio.find("#panel")).to_be_hidden()
+    assert not small_targets(studio.page)
+    # The settings are a drawer, which Escape and a click beside it close.
+    studio.find("#panel-open").click()
+    expect(studio.find("#panel")).to_be_in_viewport(ratio=0.9)
+    assert not small_targets(studio.page)
+    studio.find("ol.contours button").first.click()
+    expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
+    studio.find("#tab-button-contours").press("Escape")
+    expect(studio.find("#panel")).to_be_hidden()
+    expect(studio.find("#panel-open")).to_be_focused()
+    studio.find("#panel-open").click()
+    expect(studio.find("#panel")).to_be_visible()
+    studio.page.mouse.click(8, size[1] / 2)
+    expect(studio.find("#panel")).to_be_hidden()
+    # The click closed the drawer, and the contour stays selected.
+    expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
+
+
+def test_messages_lie_beside_the_stage(pages):
+    for size in SIZES:
+        studio = begin(pages, size)
+        studio.page.evaluate("() => import('/static/messages.js').then((x) => x.notify('Saved.'))")
+        message = studio.find("#messages .message:visible").first
+        expect(message).to_be_visible()
+        stage = studio.find("#stage").bounding_box()
+        box = message.bounding_box()
+        across = min(stage["x"] + stage["width"], box["x"] + box["width"]) - max(
+            stage["x"], box["x"]
+        )
+        down = min(stage["y"] + stage["height"], box["y"] + box["height"]) - max(
+            stage["y"], box["y"]
+        )
+        assert across <= 0 or down <= 0
+        studio.close()
+
+
+def test_120_contours_are_listed(pages, folder):
+    write_shapes(folder / "many.dxf", 120, columns=12, pitch=12, radius=4)
+    job = JOB.replace("plate.dxf", "many.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
+    (folder / "many.yaml").write_text(job)
+    studio = pages(size=(1440, 900))
+    studio.begin()
+    studio.open(folder / "many.yaml")
+    expect(studio.find("ol.contours li")).to_have_count(120)
+    check(studio, "120 contours")
+    # The last row is reached in the list, and its contour is shown.
+    studio.find("ol.contours button").last.click()
+    check(studio, "120 contours")

@@ -1,0 +1,117 @@
+"""The undo list, names of steps, and what has changed since a result was made."""
+
+import hashlib
+
+import pytest
+from tests.studio.session_pages import MOVE, RecordingTaskWorker
+
+from armcontour.core.yaml_loader import load
+from armcontour.report.message_frame import MessageFrame
+from armcontour.studio.differences import differences
+
+pytestmark = pytest.mark.usefixtures("no_hurry")
+SPEED = {"do": "set", "key": "limits.speed", "value": "40 mm/s"}
+KERF = {"do": "set", "key": "corners.tolerance", "value": "2 mm"}
+
+
+def test_undo_goes_to_a_step_in_both_directions(session, tab):
+    texts = [session.editor.document.text]
+    for edit in (SPEED, MOVE, KERF):
+        tab.edit(edit)
+        texts.append(session.editor.document.text)
+    assert len(set(texts)) == 4
+    steps = tab.last("document")["steps"]
+    assert steps["made"] == 3 and steps["first"] == 0 and len(steps["labels"]) == 3
+    # Labels have the values.
+    assert "40 mm/s" in steps["labels"][0] and "2 mm" in steps["labels"][2]
+    for to in (1, 3, 0, 2):
+        tab.say("undo", to=to)
+        assert session.editor.document.text == texts[to]
+        now = tab.last("document")["steps"]
+        assert now == {**steps, "made": to}
+    # A new change replaces the undone ones.
+    tab.edit({**SPEED, "value": "45 mm/s"})
+    assert len(tab.last("document")["steps"]["labels"]) == 3
+    for to in (-1, 4, 1.5, "x", True):
+        text = session.editor.document.text
+        (frame,) = tab.say("undo", to=to)
+        assert frame.kind == "failed" and session.editor.document.text == text
+
+
+def test_an_added_run_is_shown_and_edited(session, tab):
+    tab.say("select", run="fast")
+    tab.edit({"do": "add_run", "name": "faster"})
+    assert tab.last("document")["run"] == "faster"
+    tab.edit({"do": "set", "key": "limits.speed", "value": "90 mm/s", "run": True})
+    runs = load(session.editor.document.text, "")["runs"]
+    assert runs["faster"] == {"limits": {"speed": "90 mm/s"}} and runs["fast"] == {}
+    # Without the run, the one that was shown before is shown again.
+    tab.say("select", run="slow")
+    tab.edit({"do": "add_run", "name": "slower"})
+    tab.say("undo")
+    assert tab.last("document")["run"] == "slow"
+
+
+def test_results_say_when_they_were_made_and_what_has_changed(session, tab):
+    text = session.editor.document.text
+    tab.say("task", id="t1", task="report")
+    result = MessageFrame.of_file("x.html", b"x", {"id": "t1", "task": "report"})
+    session._send_state_frame(result, None)
+    made = tab.last("result")["made"]
+    assert made["job"] == "small" and made["run"] == "slow"
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    assert digest[:8] in made["files"] and made["time"][:2] == "20"
+    shown = tab.last("document")["hash"]
+    assert digest.startswith(shown) and len(shown) >= 8
+    tab.edit(SPEED)
+    document = tab.last("document")
+    (change,) = document["outdated"]["t1"]
+    assert "40 mm/s" in change and document["hash"] != shown
+    # A second result belongs to the job as it is now.
+    tab.say("task", id="t2", task="certify")
+    tab.edit(KERF)
+    outdated = tab.last("document")["outdated"]
+    assert len(outdated["t1"]) == 2 and len(outdated["t2"]) == 1
+    # With the edits undone, the first result is up to date; a comment changes nothing.
+    tab.say("undo", to=0)
+    assert set(tab.last("document")["outdated"]) == {"t2"}
+    tab.edit({"do": "text", "text": f"# Comment\n{text}"})
+    assert set(tab.last("document")["outdated"]) == {"t2"}
+    # A result of which a change was taken applies to the changed job.
+    tab.edit(SPEED, result="t2")
+    assert set(tab.last("document")["outdated"]) == {"t1"}
+    # Files that were read again may have changed.
+    session.editor.document.file.write_text(session.editor.document.text)
+    tab.say("reload")
+    assert set(tab.last("document")["outdated"]) == {"t1", "t2"}
+    id, _, request = RecordingTaskWorker.last.given[-1]
+    assert id == "t2" and made["job"] in request["origin"]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "count", "words"),
+    [
+        ("path: {frame: {position: [420 mm, 0, 0.1]}}",
+         "path: {frame: {position: [0.42, 10 mm, 0.1]}}", 1, ("Y", "+10 mm")),
+        ("path: {frame: {position: [0, 0, 0]}}",
+         "path: {frame: {position: [0, 0, -5 mm], rpy: [0, 0, 15 deg]}}", 2, ("Z", "−5 mm")),
+        ("path: {frame: {quaternion: [0, 0]}}", "path: {frame: {position: [0, 0, 0]}}", 1, ()),
+        ("path: {points: [[0, 0], [1, 0]]}", "path: {points: [[0, 0], [1, 1]]}", 1, ("2",)),
+        ("path: {points: [[0, 0], [1, 0]]}", "path: {points: [[0, 0], [1, 1], [2, 2]]}", 1, ("1",)),
+        ("scene: {obstacles: [{name: post}]}", "{}", 1, ("post", "removed")),
+        ("scene: {obstacles: [{name: post, at: [0, 0, 0]}]}",
+         "scene: {obstacles: [{name: post, at: [0, 0, 1]}, {name: wall}]}", 2, ("post", "changed")),
+        ("path: {contours: {A: {order: 1}}}",
+         "path: {contours: {A: {order: 2}, B: {order: 1}}}", 1, ("Order",)),
+        ("{}", "path: {contours: {CUT-1: {speed: 3 mm/s}}}", 1, ("CUT-1", "speed", "3 mm/s")),
+        ("runs: {a: {}}", "runs: {a: {}, b: {}}", 1, ("b", "added")),
+        ("process: {tabs: {width: 1 mm}}", "process: {}", 1, ("Tabs", "removed")),
+        ("limits: {speed: 1}", "limits: {speed: 1}", 0, ()),
+    ],
+)  # fmt: skip
+def test_differences_name_what_has_changed(before, after, count, words):
+    found = differences(load(before, ""), load(after, ""))
+    assert len(found) == count
+    assert all(x in found[0] for x in words)
+    # In the other direction there are as many.
+    assert len(differences(load(after, ""), load(before, ""))) == count
