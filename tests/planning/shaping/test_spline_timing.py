@@ -38,11 +38,11 @@ def spline():
 
 
 def tool(q):
-    """Tool positions of the arm [m], from the link lengths of its data sheet."""
+    """Tool positions of the arm [m], from its link lengths; angles are from the axis y."""
     first = q[..., 0]
     both = first + q[..., 1]
-    x = 0.135 + 0.250 * np.cos(first) + 0.215 * np.cos(both)
-    y = 0.250 * np.sin(first) + 0.215 * np.sin(both)
+    x = 0.135 + 0.250 * np.sin(first) + 0.215 * np.sin(both)
+    y = 0.250 * np.cos(first) + 0.215 * np.cos(both)
     return np.stack([x, y], axis=-1)
 
 

@@ -55,9 +55,9 @@ def time_spline(
         NotRealizable: No motion satisfies the limits, or not with these rates at the ends.
     """
     joint_path = _joint_path(spline)
-    points, span = divide_intervals(
-        joint_path.breaks, np.full(len(spline.h), INTERVALS_OF_SPAN, dtype=np.intp)
-    )
+    breaks = joint_path.breaks
+    count = np.full(len(spline.h), INTERVALS_OF_SPAN, dtype=np.intp)
+    points, span = divide_intervals(breaks, count, breaks[:-1])
     grid = Grid(joint_path=joint_path, s=points, piece=span)
     constraints = _constraints(joint_path, arm, limits, speeds)
     required = np.where(spline.rest[[0, -1]], 0.0, rates)
