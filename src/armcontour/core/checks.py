@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.errors import ArmMismatch, InvalidInput
-from armcontour.core.text import capitalise, make_printable, show, suggest
+from armcontour.core.guesses import Explained, ExplainedABC, form_of, suggest
+from armcontour.core.text import capitalise, make_printable, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -136,7 +137,7 @@ def copy_unchecked(value: C, **changes: Any) -> C:
     return cast(C, copied)
 
 
-class Frozen:
+class Frozen(Explained):
     """Base of frozen dataclasses that only this package makes: arrays become read-only."""
 
     __slots__ = ()
@@ -153,7 +154,7 @@ class Frozen:
         """Check combinations of fields, or compute fields; called after arrays are read-only."""
 
 
-class Immutable:
+class Immutable(Explained, metaclass=ExplainedABC):
     """Base of classes whose instances do not change after their constructor has called `_freeze`.
 
     `functools.cached_property` works. A subclass that is a dataclass needs `frozen=True`.
@@ -476,7 +477,11 @@ def raise_call_error(
             reason = f"there is no argument {show(name)}"
             given = {*[*called.parameters][: len(args)], *keywords}
             left = {k: x for k, x in slots.items() if k not in given}
-            hint = _form_of_value(function, left, name) or suggest(name, slots, takes)
+            hint = (
+                form_of((user,), name)
+                or _form_of_value(function, left, name)
+                or suggest(name, slots, takes)
+            )
         raise InvalidInput(f"{user}: {reason} ({hint}).") from None
 
 

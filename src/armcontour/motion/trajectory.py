@@ -23,7 +23,7 @@ from armcontour.core.text import count_noun, draw, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.joined_laws import JoinedLaws
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
-from armcontour.robot import Arm, Limits
+from armcontour.robot import Arm, Limits, load_named
 
 # Default cycle [s].
 DEFAULT_CYCLE = 4e-3
@@ -733,7 +733,7 @@ class Trajectory(Checked):
 
 def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
     """Return `arm` if it is given, otherwise the arm of `motion`, or raise InvalidInput."""
-    chosen: Arm | None = getattr(motion, "arm", None) if arm is None else arm
+    chosen: Arm | None = getattr(motion, "arm", None) if arm is None else load_named(arm)
     if chosen is None:
         raise InvalidInput(
             f"This {type(motion).__name__} has no arm. Plan it with an arm, or specify "
