@@ -60,8 +60,9 @@ _HOME = {
 }
 METHODS |= {
     "check_formats": "armcontour.files.exports.formats",
-    "draw_result": "armcontour.report.single_results",
+    "draw_result": "armcontour.report.notebook",
     "explain": "armcontour.planning.explanation",
+    "result_as_html": "armcontour.report.notebook",
     "load_arm": "armcontour.files.robots.arm_loading",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -43,19 +43,19 @@ def curves(figure):
 def test_figures_of_results_show_their_values(made):
     planned, executed, result = made
     for x in made:
-        assert curves(x.figure("joints")) and curves(x.figure("speed"))
-        assert "<svg" in x.figure("path").svg
-    (error,) = curves(result.figure("error"))
+        assert curves(x.plot("joints")) and curves(x.plot("speed"))
+        assert "<svg" in x.plot("path").svg
+    (error,) = curves(result.plot("error"))
     assert len(result.contours) == 1 and np.nanmax(error.y) > 0
-    speed, *others = curves(planned.figure("speed"))
+    speed, *others = curves(planned.plot("speed"))
     assert speed.x[-1] == pytest.approx(planned.duration, abs=2e-3)
     assert np.nanmax(speed.y) == pytest.approx(1e3 * result.speed, rel=5e-3)
     # The assigned velocity is a line of the figure.
     assert any(np.nanmax(x.y) == pytest.approx(150.0) for x in others)
-    joint = curves(planned.figure("joints"))[0]
+    joint = curves(planned.plot("joints"))[0]
     expected = planned(np.clip(joint.x, 0, planned.duration))[:, 0]
     np.testing.assert_allclose(joint.y, expected, atol=1e-4)
-    assert len(curves(executed.figure("joints"))) == 2 * len(curves(planned.figure("joints")))
+    assert len(curves(executed.plot("joints"))) == 2 * len(curves(planned.plot("joints")))
 
 
 def without_code(page):
@@ -72,7 +72,7 @@ def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
     assert '<details id="time">' in page and "contour error" not in without_code(page)
     first = next(iter(job_result.runs.values()))
     ac.write_report(first, tmp_path / "run.html")
-    assert curves(first.figure("speed"))
+    assert curves(first.plot("speed"))
 
 
 def test_a_program_has_figures_and_a_report(arm, tmp_path):
@@ -85,12 +85,12 @@ def test_a_program_has_figures_and_a_report(arm, tmp_path):
     ac.write_report(planned, tmp_path / "plan.html")
     page = (tmp_path / "plan.html").read_text(encoding="utf-8")
     assert '<details id="contours">' in page
-    assert "<svg" in planned.figure("path").svg
+    assert "<svg" in planned.plot("path").svg
 
 
 def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):
     from dataclasses import replace
 
     alone = replace(in_plane[2], judged=None)
-    refuses(lambda: alone.figure("error"), ac.InvalidInput)
+    refuses(lambda: alone.plot("error"), ac.InvalidInput)
     refuses(lambda: ac.write_report(alone, tmp_path / "a.html"), ac.InvalidInput)

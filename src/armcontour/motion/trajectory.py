@@ -19,7 +19,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, draw, short_repr
+from armcontour.core.text import count_noun, draw, draw_as_html, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.joined_laws import JoinedLaws
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
@@ -270,7 +270,8 @@ class Trajectory(Checked):
         joints = count_noun(self.dof, "joint")
         return f"Trajectory({str(self.method)!r}, {number(self.duration, 's')}, {joints})"
 
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
     @property
     def t(self) -> FloatArray:
