@@ -94,3 +94,25 @@ def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_
     alone = replace(in_plane[2], judged=None)
     refuses(lambda: alone.plot("error"), ac.InvalidInput)
     refuses(lambda: ac.write_report(alone, tmp_path / "a.html"), ac.InvalidInput)
+
+
+def test_notebooks_show_picture_and_rows(made, in_space):
+    rounded = in_space[0].path
+    for x in (*made, rounded, ac.Program.from_path(rounded)):
+        page = x._repr_html_()
+        assert "<svg" in page and "<tr>" in page and "<script" not in page
+    length = f"{1e3 * rounded.length:.0f} mm"
+    assert f"<td>{length}</td>" in rounded._repr_html_()
+    assert f"{made[0].duration:.2f} s" in made[0]._repr_html_()
+    named = ac.Program((ac.Contour(rounded),), source="<script>&")
+    assert "<script" not in named._repr_html_() and "&lt;script&gt;&amp;" in named._repr_html_()
+    # Without an arm, a notebook shows the `repr`.
+    joints = ac.JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
+    limits = ac.Limits(joint_velocity=1.0, joint_acceleration=3.0)
+    assert ac.plan(joints, limits=limits)._repr_html_() is None
+
+
+def test_paths_have_a_picture_of_their_outline_only(refuses):
+    square = ac.Path.polyline([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], closed=True)
+    assert "<svg" in square.plot().svg
+    refuses(lambda: square.plot("speed"), ac.InvalidInput)

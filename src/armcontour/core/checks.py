@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.errors import ArmMismatch, InvalidInput
-from armcontour.core.guesses import Explained, ExplainedABC, form_of, suggest
+from armcontour.core.guesses import Explained, ExplainedABC, form_of, made_by, suggest
 from armcontour.core.text import capitalise, make_printable, show
 
 P = ParamSpec("P")
@@ -433,7 +433,8 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
         return value
     words = [_words_for(x) for x in kinds if x is not np.bool_]
     shown = show(value) if isinstance(value, PLAIN) else type(value).__name__
-    raise InvalidInput(f"{name} must be {' or '.join(words)}, not {shown}.")
+    such = made_by(x for x in kinds if isinstance(x, type))
+    raise InvalidInput(f"{name} must be {' or '.join(words)}{such or ','} not {shown}.")
 
 
 def _words_for(kind: type) -> str:
@@ -534,7 +535,9 @@ def check_sequence(
         items = tuple(values)
         if count in (None, len(items)) and (not items or all(isinstance(x, kind) for x in items)):
             return items
-    raise InvalidInput(f"{name} must be a list of {noun}, not {show(values)}.")
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    such = made_by(x for x in kinds if isinstance(x, type))
+    raise InvalidInput(f"{name} must be a list of {noun}{such or ','} not {show(values)}.")
 
 
 def check_names(name: str, values: Any) -> tuple[str, ...]:

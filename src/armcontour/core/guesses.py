@@ -21,6 +21,14 @@ PACKAGE = "armcontour"
 
 # Names for the same quantity: guess -> names of this package, of which an owner has at most one.
 SAME: dict[str, tuple[str, ...]] = {
+    "base_frame": ("base",),
+    "base_link": ("base",),
+    "ee_link": ("tip",),
+    "end_link": ("tip",),
+    "flange": ("tip",),
+    "tcp_link": ("tip",),
+    "tip_link": ("tip",),
+    "tool_link": ("tip",),
     "acc": ("ddq", "joint_acceleration"),
     "acceleration": ("joint_acceleration", "ddq", "acceleration_limit"),
     "accelerations": ("ddq", "joint_acceleration"),
@@ -296,8 +304,6 @@ FORMS: dict[str, dict[str, str]] = {
             "from_yaml from_file load".split(), "ac.load_arm(name, joint_limits=limits_file)"
         ),
         **dict.fromkeys("position positions joint_position".split(), "arm.limits.joint_lower"),
-        "acceleration": "ac.Limits(joint_acceleration=acceleration)",
-        "jerk": "ac.Limits(joint_jerk=acceleration)",
         "path_speed": "ac.Limits(speed=speed)",
         "feed_rate": "ac.Limits(speed=speed)",
         "feed": "ac.Limits(speed=speed)",
@@ -341,6 +347,31 @@ FORMS: dict[str, dict[str, str]] = {
     },
 }
 
+# How users make or load an object of a class, for messages about an argument of another class.
+MADE_BY = {
+    "Contour": "ac.Contour(path)",
+    "Execution": "ac.simulate(set_points, plant)",
+    "Frame": "ac.Frame((x, y, z))",
+    "Job": "ac.read_job(file)",
+    "Limits": "ac.Limits(speed=speed)",
+    "Log": "ac.read_log(file)",
+    "Path": _POINTS,
+    "Payload": "ac.Payload(mass)",
+    "Plant": "ac.ServoPlant(arm, servo)",
+    "Program": _READ,
+    "ServoModel": "ac.ServoModel(kp=kp, kv=kv)",
+    "SetPoints": "ac.compensate(planned, servo)",
+    "Trajectory": _PLAN,
+}
+
+
+def made_by(kinds: Iterable[type]) -> str:
+    """Write how the first of some classes is made, as ", such as ..."; empty if none is known."""
+    for kind in kinds:
+        if kind.__name__ in MADE_BY and kind.__module__.startswith(PACKAGE):
+            return f", such as {MADE_BY[kind.__name__]},"
+    return ""
+
 
 def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
     """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`.
@@ -357,8 +388,8 @@ def _same(name: str, valid: list[str]) -> list[str]:
     """Return the valid names of the quantity that users also call `name`, the best one first."""
     known = [x for x in SAME.get(name, ()) if x in valid]
     # These words are used for the same quantity.
-    plain = name.replace("velocity", "speed")
-    return known or [x for x in valid if x.replace("velocity", "speed") == plain]
+    plain = name.lower().replace("velocity", "speed")
+    return known or [x for x in valid if x.lower().replace("velocity", "speed") == plain]
 
 
 def form_of(owners: Iterable[str], name: str) -> str:
