@@ -53,7 +53,10 @@ function drawer() {
   });
   panel.addEventListener("keydown", (event) => {
     // In a field, Escape gives up what was typed.
-    if (event.key === "Escape" && !(/** @type {Element} */ (event.target).matches("input, textarea"))) show(false);
+    if (event.key !== "Escape" || /** @type {Element} */ (event.target).matches("input, textarea")) return;
+    // This key leaves neither the selected contour nor the tool.
+    event.preventDefault();
+    show(false);
   });
 }
 
