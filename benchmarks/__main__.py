@@ -26,11 +26,11 @@ from benchmarks.measured import Line, Measured, Missing, in_words, measure
 ROOT = Path(__file__).parents[1]
 MODULES = (
     *("start_up", "optimal", "torque", "square", "kinematics", "polyline", "projection"),
-    *("paper", "certify", "learning", "shaping", "jerk", "recipe", "commands", "studio"),
+    *("paper", "certify", "learning", "shaping", "jerk", "recipe", "commands", "batch", "studio"),
 )
 PACKAGES = (
     *("numpy", "scipy", "numba", "pin"),
-    *("toppra", "cmeel-toppra", "roboplan", "casadi"),
+    *("toppra", "cmeel-toppra", "roboplan", "copp-py", "casadi"),
 )
 # One thread in us and in the peers, as the time of the processor counts each.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

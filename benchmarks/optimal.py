@@ -9,21 +9,17 @@ parameter from 0 to 1.
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
-import sysconfig
-import tempfile
 from collections.abc import Callable
-from functools import cache, partial
-from importlib.util import find_spec
-from pathlib import Path
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 import armcontour as ac
-from benchmarks.measured import Bar, Line, Missing, Pair, Taken, Timer, timed
+from benchmarks.measured import Bar, Line, Pair, Taken, timed
+from benchmarks.toppra_peer import Problem, require_python, solve_in_cpp, solve_in_python
 
 # Joints of the spline.
 JOINTS = 6
@@ -31,7 +27,6 @@ JOINTS = 6
 WAYPOINTS = 5
 # Numbers of grid points in plans that are compared with the peers' plans.
 POINTS = (50, 200, 1000, 10_000)
-SOURCE = Path(__file__).with_name("toppra_peer.cpp")
 # The same waypoints and limits for every grid, drawn in this order; the limits bind on every joint
 # somewhere.
 RNG = np.random.default_rng(1)
@@ -87,114 +82,39 @@ def plan(points: int) -> ac.Trajectory:
 
 
 def _against_python(points: int) -> Pair:
-    if find_spec("toppra") is None:
-        raise Missing("toppra is not installed, which has wheels for linux-x86_64")
+    require_python()
+    problem = _problem(points)
 
     def notes() -> list[str]:
-        law = _python(points)
+        law = solve_in_python(problem)
         t = np.linspace(0, law.duration, PLACES * points)
         used = max((abs(law(t, 1)) / VELOCITY).max(), (abs(law(t, 2)) / ACCELERATION).max())
         return [_answer("armcontour", _ours(points)), _said("toppra", law.duration, used)]
 
-    return Pair(timed(lambda: plan(points)), timed(lambda: _python(points)), notes)
+    return Pair(timed(lambda: plan(points)), timed(lambda: solve_in_python(problem)), notes)
 
 
-def _python(points: int):  # noqa: ANN202  # toppra has no types
-    import toppra
-    from toppra.algorithm import TOPPRA
-    from toppra.constraint import (
-        DiscretizationType,
-        JointAccelerationConstraint,
-        JointVelocityConstraint,
-    )
-
-    toppra.setup_logging("CRITICAL")
-    path = toppra.SplineInterpolator(AT, WAY, bc_type="natural")
-    velocity = JointVelocityConstraint(np.column_stack([-VELOCITY, VELOCITY]))
-    acceleration = JointAccelerationConstraint(
-        np.column_stack([-ACCELERATION, ACCELERATION]), DiscretizationType.Interpolation
-    )
-    return TOPPRA(
-        [velocity, acceleration],
-        path,
-        gridpoints=np.linspace(0, 1, points),
-        solver_wrapper="seidel",
-        parametrizer="ParametrizeConstAccel",
-    ).compute_trajectory(0, 0)
-
-
-@cache
-def _program() -> tuple[Path, tempfile.TemporaryDirectory[str]]:
-    """Compile the C++ program; return it and its folder, which lasts as long as this process."""
-    compiler = shutil.which("g++")
-    prefix = Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix"
-    eigens = [prefix / "include" / "eigen3", Path("/usr/include/eigen3")]
-    eigen = next((x for x in eigens if x.is_dir()), None)
-    if compiler is None:
-        raise Missing("there is no g++")
-    if not (prefix / "include" / "toppra").is_dir():
-        raise Missing("cmeel-toppra is not installed")
-    if eigen is None:
-        raise Missing("cmeel-eigen is not installed, and TOPP-RA's headers need Eigen")
-    folder = tempfile.TemporaryDirectory()
-    program = Path(folder.name) / "toppra_peer"
-    built = subprocess.run(
-        [
-            compiler,
-            "-O3",
-            "-DNDEBUG",
-            "-std=c++17",
-            f"-I{prefix / 'include'}",
-            f"-I{eigen}",
-            str(SOURCE),
-            "-o",
-            str(program),
-            f"-L{prefix / 'lib'}",
-            "-ltoppra",
-            f"-Wl,-rpath,{prefix / 'lib'}",
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if built.returncode != 0:
-        raise Missing(f"TOPP-RA's C++ library was not built: {built.stderr.splitlines()[0]}")
-    return program, folder
+def _problem(points: int) -> Problem:
+    """Return the problem of the peers."""
+    velocity = np.column_stack([-VELOCITY, VELOCITY])
+    acceleration = np.column_stack([-ACCELERATION, ACCELERATION])
+    return Problem(AT, WAY, velocity, acceleration, np.linspace(0, 1, points))
 
 
 def _against_cpp(points: int) -> Pair:
-    program, _ = _program()
+    problem = _problem(points)
+    solve_in_cpp(problem, 1)
+
+    def theirs(times: int) -> list[Taken]:
+        # Runs are timed inside the program's process.
+        return [Taken(x, x) for x in solve_in_cpp(problem, times).taken]
 
     def notes() -> list[str]:
-        _, duration, squares = _run(program, points, 1)
-        grid = np.linspace(0, 1, points)
-        return [
-            _answer("armcontour", _ours(points)),
-            _answer("TOPP-RA C++", Solution(duration, grid, squares, np.zeros(points - 1))),
-        ]
+        _, duration, squares = solve_in_cpp(problem, 1)
+        solution = Solution(duration, problem.grid, squares, np.zeros(points - 1))
+        return [_answer("armcontour", _ours(points)), _answer("TOPP-RA C++", solution)]
 
-    return Pair(timed(lambda: plan(points)), _timer(program, points), notes)
-
-
-def _timer(program: Path, points: int) -> Timer:
-    """Make a timer; runs are timed inside the program's process."""
-
-    def run(times: int) -> list[Taken]:
-        return [Taken(x, x) for x in _run(program, points, times)[0]]
-
-    return run
-
-
-def _run(program: Path, points: int, times: int) -> tuple[list[float], float, np.ndarray]:
-    """Return the times of some runs [s], the duration [s], and ds² on the grid."""
-    grid = np.linspace(0, 1, points)
-    numbers = np.concatenate([np.ravel(x) for x in (AT, WAY, VELOCITY, ACCELERATION, grid)])
-    rows = "\n".join(repr(float(x)) for x in numbers)
-    text = f"{JOINTS} {WAYPOINTS} {points} {times}\n{rows}"
-    outcome = subprocess.run([program], input=text, capture_output=True, text=True, check=True)
-    head, *rest = outcome.stdout.splitlines()
-    duration, *taken = (float(x) for x in head.split())
-    return taken, duration, np.array([float(x) for x in rest])
+    return Pair(timed(lambda: plan(points)), theirs, notes)
 
 
 class Solution(NamedTuple):

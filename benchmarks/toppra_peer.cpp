@@ -1,7 +1,7 @@
 // TOPP-RA's C++ library on one problem, timed inside: spline, constraints, solution, law.
 //
-// Reads: joints, waypoints, grid points, runs; spline parameters; waypoints row by row; velocity and
-// acceleration limits; grid. Writes: the duration and the time of every run [s]; ds² on the grid.
+// Reads: joints, waypoints, grid points, runs; spline parameters; waypoints row by row; lower and
+// upper bounds of the velocities, and of the accelerations; grid. Writes: the duration and the time of every run [s]; ds² on the grid.
 
 #include <cstdio>
 #include <ctime>
@@ -32,7 +32,8 @@ int main() {
   const toppra::Vector at = read(waypoints);
   toppra::Vectors positions;
   for (std::size_t i = 0; i < waypoints; ++i) positions.push_back(read(joints));
-  const toppra::Vector velocity = read(joints), acceleration = read(joints), grid = read(points);
+  const toppra::Vector slowest = read(joints), fastest = read(joints);
+  const toppra::Vector lowest = read(joints), highest = read(joints), grid = read(points);
   std::vector<double> times;
   double duration = 0;
   toppra::Vector squares;
@@ -43,8 +44,8 @@ int main() {
     auto path = std::make_shared<toppra::PiecewisePolyPath>(
         toppra::PiecewisePolyPath::CubicSpline(positions, at, natural));
     toppra::LinearConstraintPtrs constraints{
-        std::make_shared<toppra::constraint::LinearJointVelocity>(-velocity, velocity),
-        std::make_shared<toppra::constraint::LinearJointAcceleration>(-acceleration, acceleration)};
+        std::make_shared<toppra::constraint::LinearJointVelocity>(slowest, fastest),
+        std::make_shared<toppra::constraint::LinearJointAcceleration>(lowest, highest)};
     for (auto& constraint : constraints) constraint->discretizationType(toppra::Interpolation);
     toppra::algorithm::TOPPRA problem(constraints, path);
     problem.solver(std::make_shared<toppra::solver::Seidel>());

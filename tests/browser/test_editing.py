@@ -222,13 +222,15 @@ def test_a_new_run_is_shown_and_edited(studio):
     studio.find("#panel .seek").get_by_role("button", name="For job").click()
 
 
-def test_a_result_says_when_it_was_made_and_what_has_changed(studio):
+def test_a_result_says_when_it_was_made_and_what_has_changed(studio, folder):
     studio.rest()
     result = studio.do("export", {"format": "csv"})
     studio.wait(".task-result[data-task=export]", state="done", outdated="false")
     digest = hashlib.sha256(JOB.encode()).hexdigest()
     expect(result.locator(".made")).to_contain_text("rings")
     expect(result.locator(".made")).to_contain_text(digest[:8])
+    drawing = hashlib.sha256((folder / "rings.dxf").read_bytes()).hexdigest()
+    expect(result.locator(".made")).to_contain_text(drawing[:8])
     studio.tab("process")
     with studio.changing():
         studio.type("limits.speed", "40 mm/s")

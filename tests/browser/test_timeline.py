@@ -34,6 +34,7 @@ def studio(page):
     """The page with the whole motion, at its begin."""
     page.wait("#figures", exact="true")
     page.find(".scrub").dblclick(position={"x": 5, "y": 5})
+    expect(page.find(f"{TRACK} .whole")).to_be_hidden()
     page.page.mouse.move(5, 5)
     page.page.keyboard.press("Home")
     page.wait("#playback", time="0")
@@ -142,7 +143,7 @@ def test_the_wheel_zooms_about_the_pointer_and_with_shift_it_moves(studio):
 
 def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     press = studio.page.keyboard.press
-    selected = studio.find("#tab-contours ol [aria-pressed=true]")
+    selected = studio.find("#tab-contours ol [aria-pressed=true] .name")
 
     def go(key):
         """Press a key; returns the time after it."""
@@ -216,8 +217,17 @@ def test_the_curve_says_what_is_at_the_pointer(studio):
     expect(tip).to_contain_text("contour 1")
     share = float(tip.inner_text().partition(" s")[0]) / duration_of(studio)
     assert share == pytest.approx(0.05, abs=2e-3)
+    metric = float(re.search(r"([\d.]+) mm/s", tip.inner_text())[1])
     studio.page.mouse.move(5, 5)
     expect(tip).to_be_hidden()
+    # Speeds are in the unit that the page shows.
+    switch = studio.find("#bar").get_by_role("button", name="inch")
+    switch.click()
+    studio.page.mouse.move(*place(studio, 0.05))
+    expect(tip).to_contain_text("in/s")
+    inches = float(re.search(r"([\d.]+) in/s", tip.inner_text())[1])
+    assert inches == pytest.approx(metric / 25.4, rel=0.02)
+    switch.click()
 
 
 def test_a_finger_moves_the_time(pages):
@@ -244,6 +254,28 @@ def test_a_finger_moves_the_time(pages):
     assert part_of(opened) == (0, duration_of(opened))
 
 
+def told_point(studio, name):
+    """A point of the 3D view in the plane [m]."""
+    return np.array(studio.told("#view3d", name).split(","), dtype=float)[:2]
+
+
+def from_line(point, begin, end):
+    """Distance of a point from a line [m]."""
+    along = (end - begin) / np.linalg.norm(end - begin)
+    across = point - begin
+    return abs(along[0] * across[1] - along[1] * across[0])
+
+
+def straight_part(points, tool):
+    """The segment in whose inner half the tool is, or None."""
+    for begin, end in zip(points, points[1:], strict=False):
+        length = np.linalg.norm(end - begin)
+        share = (tool - begin) @ (end - begin) / length**2
+        if 0.25 < share < 0.75 and from_line(tool, begin, end) < 1e-6:
+            return begin, end
+    return None
+
+
 def test_the_executed_tool_is_a_ghost_beside_the_planned_one(pages, tmp_path):
     job = write_job(tmp_path / "job.yaml", "optimal")
     points = np.array(load(job.read_text(), "job")["path"]["points"])
@@ -252,22 +284,22 @@ def test_the_executed_tool_is_a_ghost_beside_the_planned_one(pages, tmp_path):
         studio.rest()
         studio.find("#viewbar").get_by_role("button", name="Both").click()
         studio.wait_for("#view3d[data-frames]")
-        # In the middle of the first segment, after the first corner's half of the time.
-        for _ in range(6):
+        # Go on to a straight part of the path.
+        line = None
+        for _ in range(20):
             studio.find(".scrub").press("Shift+ArrowRight")
+            studio.wait("#view3d", time=studio.told("#playback", "time"))
+            line = straight_part(points, told_point(studio, "tool"))
+            if line is not None:
+                break
+        assert line is not None
         studio.wait_for("#view3d[data-ghost*=',']")
-        tool, ghost = (
-            np.array(studio.told("#view3d", x).split(","), dtype=float)[:2]
-            for x in ("tool", "ghost")
-        )
+        ghost = told_point(studio, "ghost")
         factor = float(studio.told("#view3d", "magnify"))
         note = studio.find(".arm-note").inner_text()
         assert f"×{factor:.0f}" in note
         error = 1e-6 * float(re.search(r"([\d.e-]+) µm", note)[1])
-        away = min(abs(_from_line(ghost, *points[k : k + 2]) - factor * error) for k in range(3))
-        assert away < 0.02 * factor * error + 1e-6
-        # The planned tool is on the path, apart from rounded corners.
-        assert min(_from_line(tool, *points[k : k + 2]) for k in range(3)) < 6e-3
+        assert from_line(ghost, *line) == pytest.approx(factor * error, rel=0.01, abs=1e-6)
         dot = studio.find("circle.cursor.tool")
         expect(dot).to_be_visible()
         legend = studio.find("#legend")
@@ -292,6 +324,7 @@ def test_a_moving_arm_is_drawn_with_fewer_pixels_in_software_rendering(studio):
     if re.search("swiftshader|llvmpipe|software", renderer, re.IGNORECASE) is None:
         pytest.skip(f"The browser renders with {renderer}.")
     studio.find("#viewbar").get_by_role("button", name="3D", exact=True).click()
+    studio.wait("#views", stage="3d")
     canvas = studio.find("#view3d canvas")
     wide = canvas.evaluate("e => e.clientWidth")
     expect(canvas).to_have_attribute("width", str(2 * wide))
@@ -305,10 +338,3 @@ def test_a_moving_arm_is_drawn_with_fewer_pixels_in_software_rendering(studio):
     # The page is left as it was.
     studio.find("#playback select").last.select_option("1")
     studio.find("#viewbar").get_by_role("button", name="2D", exact=True).click()
-
-
-def _from_line(point, begin, end):
-    """Distance of a point from a line [m]."""
-    along = (end - begin) / np.linalg.norm(end - begin)
-    across = point - begin
-    return abs(along[0] * across[1] - along[1] * across[0])

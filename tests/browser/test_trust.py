@@ -63,14 +63,14 @@ def test_a_collision_is_the_verdict_and_its_bodies_are_red(page, folder):
     studio = shown(page, folder, JOB + POST, "post.yaml")
     studio.wait("body", refused="true")
     verdict = studio.find("[data-figure=kept] .value")
-    expect(verdict).to_have_text("✗ collision")
-    assert "post" in studio.refusal
+    expect(verdict).to_have_text("✗ COLLISION")
+    assert "post" in studio.find(".contacts details").text_content()
     # In the drawing a cross marks the place, in space the bodies are red.
     expect(studio.find("path.refused")).to_be_visible()
     studio.wait_for("#view3d[data-alarmed*=post]")
     alarmed = studio.told("#view3d", "alarmed").split(",")
     assert len(alarmed) == 2
-    studio.find("#messages .refusal").get_by_role("button", name="Show its place").click()
+    studio.find(".contacts").get_by_role("button", name="Go there").first.click()
     studio.wait_for('#view3d:not([data-time="0"])')
     # Without the obstacle, the run is kept.
     shown(page, folder, JOB, "free.yaml")

@@ -31,7 +31,8 @@ MEASURE = """() => {
       for (let outer = element; outer && outer !== document.body; outer = outer.parentElement) {
         const style = getComputedStyle(outer);
         if (style.position === "fixed") break;
-        if (style.overflowX === "visible" && style.overflowY === "visible") continue;
+        const isContained = /content|strict|paint/.test(style.contain);
+        if (style.overflowX === "visible" && style.overflowY === "visible" && !isContained) continue;
         const frame = outer.getBoundingClientRect();
         // A long name may end with dots, if its element has a title with all of it.
         if (style.textOverflow === "ellipsis" && outer.title) {

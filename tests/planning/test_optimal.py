@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
 from scipy.special import gamma
 
 import armcontour as ac
@@ -469,3 +470,31 @@ def test_the_time_lost_by_a_grid_is_estimated_within_a_factor_of_three(intervals
     # Where dq_ds of a joint vanishes, the estimate for one interval can be far too large.
     assert min(ratios) > 0.7
     assert np.median(ratios) < 3
+
+
+@pytest.mark.parametrize(("intervals", "loss"), [(300, 1 / 300), (1000, 1e-3), (None, 3e-5)])
+def test_plan_of_many_points_loses_no_more_than_allowed_and_satisfies_limits(intervals, loss):
+    # On so few intervals, margins take up to a tenth of a limit, so the grid is refined.
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.5, 0.5, (50, 7))
+    at = np.linspace(0, 1, 50)
+    velocity = rng.uniform(0.9, 1.1, (7, 2)) * [-1.0, 1.0]
+    acceleration = rng.uniform(0.9, 1.1, (7, 2)) * [-5.0, 5.0]
+    limits = ac.Limits(joint_velocity=velocity, joint_acceleration=acceleration)
+    path = ac.JointPath.spline(points, at)
+    planned = ac.plan(path, limits=limits, options=ac.Optimal(intervals=intervals))
+    fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=100_000))
+    assert -1e-7 < planned.duration / fine.duration - 1 < loss
+
+    # The joints are those of SciPy's spline, moved by the time law.
+    spline = CubicSpline(at, points, bc_type="natural")
+    law = planned.laws[0]
+    t = np.linspace(0, planned.duration, 20_000)
+    i = np.clip(np.searchsorted(law.breaks, t, side="right") - 1, 0, len(law.breaks) - 2)
+    s, ds, dds = (law.path_position(i, t, order) for order in range(3))
+    dq = spline(s, 1) * ds[:, None]
+    ddq = spline(s, 1) * dds[:, None] + spline(s, 2) * (ds**2)[:, None]
+    use = max((dq / velocity[:, :1].T).max(), (dq / velocity[:, 1:].T).max())
+    assert use < 1 + LEAK
+    use = max((ddq / acceleration[:, :1].T).max(), (ddq / acceleration[:, 1:].T).max())
+    assert 1 - 1e-3 < use < 1 + LEAK

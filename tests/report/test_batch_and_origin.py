@@ -18,7 +18,8 @@ from armcontour.report.still_arm import draw_still
 
 POINTS = "path: {points: [[0.30, 0.20], [0.36, 0.20], [0.36, 0.24]]}"
 # Direction of the still picture: azimuth and elevation [rad].
-AZIMUTH, ELEVATION = -0.7, 0.45
+AZIMUTH = -0.7
+ELEVATION = 0.45
 
 
 def entry(name, kept, error, duration):

@@ -104,6 +104,29 @@ def test_every_position_has_the_duration_of_its_own_plan(square):
     assert placement.to_data()["gain"].value == gain > 0
 
 
+@pytest.mark.parametrize(
+    "process",
+    [
+        "{approach_speed: 0.2 m/s}",
+        "{approach_speed: 0.2 m/s, lead_in: {length: auto}}",
+        "{approach_speed: 0.2 m/s, only: [2]}",
+    ],
+)
+def test_every_position_is_planned_as_its_own_job(process):
+    """Programs do not depend on the place, except for automatic leads and parts of a program."""
+    job = parse_job(f"{SQUARE}process: {process}\n")
+    beside = displacement({"y": 0.1, "yaw": 0.3}, MIDDLE)
+    first = ac.Program.from_path(job.path)
+    second = [replace(x, number=2) for x in first.placed(beside).moves]
+    job = replace(job, path=ac.Program(moves=(*first.moves, *second)))
+    placement = ac.place(job, {"x": [-0.05, 0.05], "yaw": [0.4]}, processes=1)
+    for place in placement.places:
+        alone = ac.run(placement.placed(place))
+        (planned,) = alone.runs.values()
+        assert place.duration == planned.trajectory.duration
+        assert place.clearance == planned.clearance.low
+
+
 def test_workers_and_executors_return_the_same_results(square):
     job = parse_job(PLANE)
     grid = {"x": np.linspace(-0.04, 0.04, 5), "yaw": [-0.5, 0.0, 0.5]}

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +13,16 @@ from hypothesis import strategies as st
 from tests.files.tables import change_text
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame
 from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.file_keys import in_si
+from armcontour.files.file_keys import in_si, read_keys
 from armcontour.files.job_file import cell_names, cell_text
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_patch import key_of, locate_key
 from armcontour.files.job_text_edits import change_data, value_at
+from armcontour.files.scene_file import SceneModel, scene_of
 from armcontour.studio.description import shown_values, slider_rows
 from armcontour.studio.edits import EDITS, changes_of
 from armcontour.studio.edits.layout import tilt_of
@@ -101,6 +104,7 @@ VALID = (
     {"do": "remove_waypoint", "index": 1},
     {"do": "place", "by": [0.1, 0], "turn": 0.1, "about": [0, 0]},
     {"do": "obstacle", "action": "change", "index": 0, "size": [1, 1, 1]},
+    {"do": "allow", "bodies": ["box", "tool"]},
     {"do": "draw", "start": [0.36, 0.26], "segments": [{"to": [0.3, 0.2]}]},
     {"do": "pick", "edge": 0, "like": True},
     {"do": "unpick", "edge": 0, "like": True},
@@ -287,6 +291,90 @@ def test_the_part_is_moved_and_turned_as_a_whole(text, u, v, turn):
     centre = handles.centre.tolist()
     turned = edited(text, do="place", turn=turn)
     assert turned == edited(text, do="place", turn=turn, about=centre)
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.05, 0.05), st.floats(-3, 3))
+def test_part_rises_along_the_normal_of_the_picture(rise, u, turn):
+    handles = state_of(SPACE).handles
+    data = edited(SPACE, do="place", by=[u, 0.0], rise=rise, turn=turn)
+    flat = edited(SPACE, do="place", by=[u, 0.0], turn=turn)
+    up = [handles_of(handles.job, x).frame.position for x in (flat, data)]
+    np.testing.assert_allclose(up[1] - up[0], rise * handles.plane.normal, atol=1e-12)
+    # A rise alone keeps the coordinates and angles that do not change, as they are written.
+    raised = edited(SPACE, do="place", rise=0.01)["path"]["frame"]
+    assert raised["rpy"] == ["10 deg", "-5 deg", "20 deg"]
+
+
+def test_planar_arm_has_no_height():
+    with pytest.raises(InvalidInput, match="no height"):
+        edited(PLANE, do="place", rise=0.01)
+    assert edited(PLANE, do="place", rise=0) == edited(PLANE, do="place")
+
+
+KINDS = {
+    "box": {"size": [0.1, 0.2, 0.3]},
+    "cylinder": {"radius": 0.05, "length": 0.2},
+    "sphere": {"radius": 0.05},
+    "capsule": {"radius": 0.05, "length": 0.2},
+    "mesh": {"file": "block.stl", "unit": "mm"},
+}
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_obstacles_of_every_kind_are_added(kind):
+    data = edited(SPACE, do="obstacle", action="add", type=kind, at=[0.1, 0, 0.2], **KINDS[kind])
+    (body,) = in_si(data["scene"], SceneModel)["obstacles"]
+    at = {"type": kind, "name": kind, "at": [0.1, 0.0, 0.2]}
+    assert {key: x for key, x in body.items() if x} == {**at, **KINDS[kind]}
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "rpy: [10 deg, 0.2, 30 deg]",
+        "at: [0, 0, 1 m]",
+        "quaternion: [0.1, 0.2, 0.3, 0.9273618495495703]",
+    ],
+)
+@given(st.floats(-3, 3))
+def test_obstacle_turns_about_the_vertical_through_its_origin(written, turn):
+    text = f"{SPACE}scene: {{obstacles: [{{type: box, name: b, size: [1, 1, 1], {written}}}]}}\n"
+    before = load(text, "")["scene"]
+    after = edited(text, do="obstacle", action="change", index=0, turn=turn)["scene"]
+    old, new = (
+        scene_of(read_keys(SceneModel, x), Path(), Frame()).obstacles[0].place
+        for x in (before, after)
+    )
+    c, s = math.cos(turn), math.sin(turn)
+    expected = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ old.rotation
+    np.testing.assert_allclose(new.rotation, expected, atol=1e-12)
+    np.testing.assert_array_equal(new.position, old.position)
+    if written.startswith("rpy"):
+        assert after["obstacles"][0]["rpy"][:2] == ["10 deg", 0.2]
+
+
+def test_half_space_with_normal_is_not_turned():
+    text = f"{SPACE}scene: {{obstacles: [{{type: halfspace, name: w, normal: [1, 0, 0]}}]}}\n"
+    with pytest.raises(InvalidInput, match="normal"):
+        edited(text, do="obstacle", action="change", index=0, turn=0.1)
+
+
+def test_one_pair_at_a_time_is_allowed_to_touch():
+    bodies = "{type: sphere, name: ball, radius: 1}, {type: sphere, name: b, radius: 1, allow: [w]}"
+    text = f"{SPACE}scene: {{obstacles: [{bodies}]}}\n"
+
+    def allowed(*names):
+        return [
+            x.get("allow") for x in edited(text, do="allow", bodies=[*names])["scene"]["obstacles"]
+        ]
+
+    # The order of the names does not matter, and an allowed link stays allowed.
+    assert allowed("ball", "wrist_3") == allowed("wrist_3", "ball") == [["wrist_3"], ["w"]]
+    assert allowed("b", "tool") == [None, ["w", "tool"]]
+    assert allowed("b", "w") == [None, ["w"]]
+    for names in (["wrist_3", "upper_arm"], ["ball"], "ball", [1, 2]):
+        with pytest.raises(InvalidInput):
+            edited(text, do="allow", bodies=names)
 
 
 @pytest.mark.parametrize("text", [PLANE, TURNED, CHAIN, SPACE])

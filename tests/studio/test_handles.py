@@ -82,7 +82,7 @@ scene:
     - {type: halfspace, name: t}
 """
     parsed = handles(path, more=scene)
-    box, table = obstacles_of(load(scene, ""), parsed.job, parsed.plane)
+    box, table = obstacles_of(load(scene, ""), parsed.job, parsed.plane, parsed.frame)
     assert (box["type"], box["index"], box["size"], box["at"]) == (
         "box", 0, [0.01, 0.1, 1.0], [0.0, 0.005, 0.0],
     )  # fmt: skip

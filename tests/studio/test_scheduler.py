@@ -22,7 +22,7 @@ from tests.studio.session_pages import (
 from tools.studio_page import SQUARE
 
 import armcontour as ac
-from armcontour.core.progress import Step
+from armcontour.core.progress import Step, TimeLeft
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change
@@ -221,3 +221,34 @@ def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):
     tab.edit(moved(1), gesture=1)
     answer(lane, duration=12.5)
     assert tab.last("figures")["seq"] == tab.seq
+
+
+def test_a_slow_simulation_of_a_preview_is_omitted_before_the_exact_figures(opened, monkeypatch):
+    _, tab, lane = opened(preview_worker=RestingWorker)
+    answer(lane)
+    monkeypatch.setattr(scheduler, "SLOW_SIMULATION", -1.0)
+    asked = len(figure_requests(lane))
+    assert tiers(tab.edit(moved(1), gesture=1)) == ["picture preview"]
+    assert len(figure_requests(lane)) == asked + 1
+    monkeypatch.setattr(scheduler, "SLOW_SIMULATION", np.inf)
+    answer(lane)
+    assert tiers(tab.edit(moved(2), gesture=2)) == ["picture preview", "executed preview"]
+
+
+def test_progress_of_a_long_plan_names_the_contour_and_the_time_left(opened, monkeypatch):
+    _, tab, lane = opened(preview_worker=RestingWorker)
+    monkeypatch.setattr(scheduler, "PROGRESS_DELAY", -1.0)
+    monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1.0)
+    clock = [100.0]
+    monkeypatch.setattr(scheduler, "TimeLeft", lambda _: TimeLeft(lambda: clock[0]))
+    answer(lane)
+    tab.edit(moved(1), gesture=1)
+    id = figure_requests(lane)[-1][0]
+    for k in (1, 2, 3):
+        clock[0] += 2.0
+        header = {"id": id, "task": "figures", "steps": ["only", "tracing"], "share": k / 10}
+        lane.deliver(MessageFrame("progress", {**header, "part": f"contour {k} of 10"}))
+    last = tab.last("progress")
+    assert last["part"] == "contour 3 of 10" and last["tier"] == "exact"
+    # Seven contours are left, of 2 s each.
+    assert last["left"] == pytest.approx(14.0)

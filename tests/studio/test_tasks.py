@@ -17,11 +17,11 @@ def quiet(step):
     """Hears nothing."""
 
 
-def ask(task, data, run, **options):
+def ask(task, data, run, *, origin="", **options):
     text = data if isinstance(data, str) else yaml.safe_dump(data, sort_keys=False)
     folder = str(DRAWINGS)
     request = {"text": text, "folder": folder, "run": run, "options": options, "allowed": [folder]}
-    return do(task, request, quiet)
+    return do(task, {**request, "origin": origin}, quiet)
 
 
 @pytest.fixture
@@ -90,6 +90,18 @@ def test_a_collision_is_refused_with_its_position(square):
     assert "post" in frame.header["sentence"]
     assert abs(frame.header["at"]["uv"] - np.array([0.1, 0.1])).max() < 0.02
     assert frame.header["at"]["t"] >= 0
+    contacts = frame.header["contacts"]
+    first = contacts[0]
+    assert first["t"] == frame.header["at"]["t"]
+    assert {first["first"], first["second"]} == set(frame.header["bodies"])
+    assert [x["t"] for x in contacts] == sorted(x["t"] for x in contacts)
+    # At the stated joint positions, the tool is where the square begins.
+    arm = parse_job(yaml.safe_dump({**square, "scene": {}}, sort_keys=False)).arm
+    tool = arm.tool_position(np.array([first["q"]]))[0]
+    assert contacts[0]["t"] == 0 and np.abs(tool).max() < 1e-9
+    # The nearest points are in the frame of the floor, in which the part is at (0.4, -0.05, 0.2).
+    away = np.array(first["points"]) - [0.5, 0.05, 0.2]
+    assert np.linalg.norm(away, axis=1).max() < 0.1
     # Data that make no job are refused as well.
     del square["servo"]
     frame = ask("figures", square, "optimal")
@@ -122,6 +134,17 @@ FORMATS = (
     ({"format": "kuka"}, ".src", b""),
     ({"format": "abb"}, ".mod", b"MODULE"),
 )
+
+
+@pytest.mark.parametrize(("format", "comment"), [("urscript", "#"), ("kuka", ";"), ("abb", "!")])
+def test_a_program_states_when_and_of_what_it_was_made(format, comment, line):
+    origin = "2026-05-04 10:12, job line, run optimal, SHA-256 of the job 0123abcd"
+    answers = (ask("export", line, "optimal", format=format, origin=x) for x in ("", origin))
+    plain, told = (x.arrays["content"].tobytes().decode().splitlines() for x in answers)
+    (said,) = [x.strip() for x in told if x not in plain]
+    assert said == f"{comment} {origin}"
+    # Nothing else differs.
+    assert [x for x in told if origin not in x] == plain
 
 
 def test_the_studio_exports_files_of_all_formats(line):

@@ -510,7 +510,14 @@ def prepare_motion(
         predict = predict_plan(planned.trajectory)
     options = planned.run.compensation
     rows = RollingRows(
-        points, job.servo, options, job.arm, controller.cycle, predict, for_play=True
+        points,
+        job.servo,
+        options,
+        job.arm,
+        controller.cycle,
+        predict,
+        computed=None if set_points is None else planned.set_points,
+        for_play=True,
     )
     checked = controller.check(job.arm, planned.run.limits, rows.q)
     is_safe = controller.simulates or job.servo.contour_ratio is not None

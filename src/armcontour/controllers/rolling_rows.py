@@ -203,13 +203,15 @@ class RollingRows:
     """Computes the chunks of a motion.
 
     Args:
-        set_points: The set-points of the plan at full speed; learned ones keep their corrections,
-            which fade out while the override is not 100 %.
+        set_points: The set-points of the plan at full speed, as the compensation computes them, or
+            learned ones.
         servo: The servo model of the compensation.
         options: Options of the compensation.
         arm: The arm.
         cycle: Cycle of the controller [s].
         predict: Predicts the measured positions.
+        computed: With learned set-points, those that the compensation computes. The differences are
+            corrections, which fade out while the override is not 100 %.
         for_play: Whether the plan was made with `PlanOptions.for_play`.
     """
 
@@ -223,6 +225,7 @@ class RollingRows:
         cycle: float,
         predict: Prediction = predict_commands,
         *,
+        computed: SetPoints | None = None,
         for_play: bool = False,
     ) -> None:
         self.set_points = set_points
@@ -234,14 +237,17 @@ class RollingRows:
         self.q = commands_at(set_points, cycle, servo.interpolation)
         plan = set_points.trajectory
         self._override = override_of(plan, cycle, for_play=for_play)
-        # If the robot has more dead time than its model, learned set-points start whole cycles
-        # earlier than the planned set-points. Row k of the learned set-points corresponds to row k
-        # of the planned set-points in any case.
-        planned = self._compensate(plan)
-        self._start_time = planned.start_time
-        sampled = commands_at(planned, cycle, servo.interpolation)
-        difference = self.q - sampled[np.minimum(np.arange(len(self.q)), len(sampled) - 1)]
-        self._corrections = difference if np.abs(difference).max() > SAME_ROW else None
+        self._start_time = set_points.start_time
+        self._corrections: FloatArray | None = None
+        if computed is not None:
+            # If the robot has more dead time than its model, learned set-points start whole cycles
+            # earlier than the computed set-points. Row k of the learned set-points corresponds to
+            # row k of the computed set-points in any case.
+            self._start_time = computed.start_time
+            rows = commands_at(computed, cycle, servo.interpolation)
+            difference = self.q - rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
+            if np.abs(difference).max() > SAME_ROW:
+                self._corrections = difference
         self._memory = COMPENSATED_TIME
         if options.is_local and options.command_limits is None:
             slowest = servo.for_joints(plan.dof)

@@ -203,10 +203,12 @@ class Collision(ArmContourError):
 
     Attributes:
         bodies: Names of the two bodies that are too near to each other; empty if unknown.
+        clearance: All distances of the motion, a `Clearance`; None if unknown.
     """
 
     exit_code = 8
     bodies: tuple[str, ...] = ()
+    clearance: object | None = None
 
 
 class ControllerRefused(ArmContourError):

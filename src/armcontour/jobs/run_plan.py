@@ -79,12 +79,14 @@ def plan_one(
     progress: Progress | None = None,
     *,
     objective: Program | None = None,
+    path: Program | None = None,
     clear: bool = True,
     resumption: Resumption | None = None,
 ) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
     - `objective`: the prepared program, if known.
+    - `path`: the objective with rounded corners, if known.
     - `clear`: whether to avoid collisions.
     - `resumption`: configuration of a resumed `objective`.
 
@@ -95,12 +97,28 @@ def plan_one(
     if objective is None:
         resumption = find_resumption(job, run, report, clear=clear)
         objective = prepare_program(job, run, report, resumption)
-    path = round_program(job, run, objective, report, resumption)
+    if path is None:
+        path = round_program(job, run, objective, report, resumption)
     traced = trace_run(job, run, path, report, resumption)
     if clear:
         return time_clear(job, run, objective, traced, report, resumption)
     planned = time_run(job, run, objective, traced, report)
     return dataclasses.replace(planned, resumption=resumption)
+
+
+def round_anywhere(job: Job, run: Run) -> tuple[Program, Program] | None:
+    """Return the prepared and the rounded program if they are the same wherever the arm stands.
+
+    None if they depend on the motion of the arm: shaped corners, automatic leads, and the rest of a
+    program that is resumed.
+
+    Raises:
+        ArmContourError: The process does not fit the program.
+    """
+    if run.is_shaped or job.process.automatic or job.process.is_partial:
+        return None
+    objective = prepare_program(job, run)
+    return objective, round_program(job, run, objective)
 
 
 def find_resumption(

@@ -420,8 +420,13 @@ class JointMotion(Constraint):
 
     def discretize(self, path: SampledJointPath) -> Iterable[Form]:
         """Return the bounds of velocities and accelerations; the planner converts them to rows."""
-        dof = path.grid.joint_path.dof
-        return (JointBounds.from_limits(dof, (self.low, self.high), self.velocity),)
+        return (self._form,)
+
+    @cached_property
+    def _form(self) -> JointBounds:
+        """The bounds of all joints, which are the same on every grid."""
+        dof = max(len(self.low), len(self.velocity[0]))
+        return JointBounds.from_limits(dof, (self.low, self.high), self.velocity)
 
     def rows(self, path: SampledJointPath) -> LinearRows:
         """Return the rows of the acceleration g = q' u + q'' x of each joint, with their rise.

@@ -19,7 +19,6 @@ from typing import Annotated, NoReturn
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import declared
 from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
@@ -34,8 +33,10 @@ from armcontour.planning.path_grid import (
     DEFAULT_INTERVALS,
     VANISHED,
     Grid,
+    count_parts,
     place_grid,
     rests_at_ends,
+    round_parts,
     split,
 )
 from armcontour.planning.timing_options import (
@@ -53,45 +54,40 @@ from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
+# Largest share of a limit that margins may take, on the first grid and after all refinements. The
+# time that they cost is part of the estimated loss of time.
+MAX_MARGIN = 0.2
+# The same share on the first grid if the loss of time is not estimated. The grid is then finer
+# where the joints turn fast, which also gives the search with limits of jerk better cells.
+MARGIN_WITHOUT_ESTIMATE = 2e-2
 # A grid that fails is refined where the margin for maxima inside intervals exceeds this share of a
 # limit.
 LARGEST_MARGIN = 3e-3
-# Share of a limit that margins may take on the first grid. The time that they cost is part of the
-# estimated loss of time.
-FIRST_MARGIN = 2e-2
-# The share of a limit that margins may take grows by this factor with each refinement, because a
-# finer grid is expensive with thousands of corners.
+# After such a refinement, the share of a limit that margins may take is twice that. It grows by
+# this factor with each further one, because a finer grid is expensive with thousands of corners.
 MARGIN_GROWTH = 2.0
-# Largest share of a limit that margins may take after refinements.
-LAST_MARGIN = 0.2
 # Largest number of refinements of the grid.
 MAX_REFINEMENTS = 20
 # The default grid is also refined while the estimated loss of time exceeds this share of the
 # duration. Shaping needs this accuracy, because it compares candidates by their durations. The
 # median of the estimate is twice the loss, on 200 to 20,000 intervals.
 LARGEST_LOSS = 3e-5
-# The same share for a grid of a requested number of intervals, multiplied by this number: it is
-# 1e-4 for 4000 intervals.
-LARGEST_LOSS_OF_ONE_INTERVAL = 0.4
+# The same share for a grid of a requested number of intervals, multiplied by this number. TOPP-RA
+# loses more on as many intervals.
+LARGEST_LOSS_OF_ONE_INTERVAL = 1.0
 # Largest number of intervals of the plan from which the search with limits of jerk starts, unless
 # this many for each piece of the joint path are more.
 INTERVALS_BEFORE_JERK = 1000
 INTERVALS_OF_PIECE_BEFORE_JERK = 4
-# Largest number of parts into which a refinement for loss divides an interval.
-MAX_PARTS_AT_ONCE = 16
-# Largest number of steps in which the numbers of parts are found.
-PART_SEARCHES = 8
 # A refinement aims at this fraction of the largest loss, so that it is not repeated for a loss that
-# is slightly too large.
-LOSS_TARGET = 0.55
+# is slightly too large: the loss of a refined grid is at most 1.4 times the one expected.
+LOSS_TARGET = 0.7
 # Largest number of intervals of a refined grid (about 1 GB), unless twice the number of the first
 # grid is larger.
 MAX_REFINED = 300_000
 # The same number for refinement for margins with only velocities and accelerations of the joints,
 # which take less memory.
 MAX_REFINED_OF_JOINTS = 3_000_000
-# Factor by which numbers of parts decrease until they fit.
-FEWER = 0.8
 # With more than half of MAX_REFINED intervals, a refinement for loss must increase the number of
 # intervals by at least this factor.
 LEAST_GROWTH = 1.1
@@ -258,8 +254,9 @@ def time_optimal(
     rests = rests_at_ends(grid.joint_path.coefficients, VANISHED)
     start = math.inf if start_speed == 0 and rests[0] else start_speed**2
     end = math.inf if end_speed == 0 and rests[1] else end_speed**2
-    max_margin = FIRST_MARGIN
-    rules = Rules(start, end, max_margin, estimates_loss=largest_loss < math.inf)
+    estimates = largest_loss < math.inf
+    max_margin = MAX_MARGIN if estimates else MARGIN_WITHOUT_ESTIMATE
+    rules = Rules(start, end, max_margin, estimates_loss=estimates)
     s = 0.0
     best: tuple[Grid, GridPlan] | None = None
     shortest = math.inf
@@ -277,7 +274,8 @@ def time_optimal(
             max_loss = largest_loss * duration
             if grid_plan.lost_time <= max_loss or gained < max_loss / 4:
                 break
-            parts = _parts_by_loss(grid_plan.loss, LOSS_TARGET * max_loss)
+            most = max(MAX_REFINED, len(grid))
+            parts = count_parts(grid_plan.loss, LOSS_TARGET * max_loss, most)
             if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2:
                 break
             grid = split(grid, parts, grid_plan.point)
@@ -290,11 +288,11 @@ def time_optimal(
         if grid_plan.outcome != FINER:
             _refuse(grid, grid_plan, arm, rules)
         most = max(_affordable_intervals(limits), 2 * first)
-        parts = _round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
-        if parts.sum() == len(grid) and max_margin == LAST_MARGIN:
+        parts = round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
+        if parts.sum() == len(grid) and max_margin == MAX_MARGIN:
             break
         grid = split(grid, parts)
-        max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, LAST_MARGIN)
+        max_margin = min(MARGIN_GROWTH ** (k + 1) * LARGEST_MARGIN, MAX_MARGIN)
         rules = rules._replace(max_margin=max_margin, steady=0.0)
     if best is not None:
         return _make_law(*best)
@@ -319,33 +317,6 @@ def _affordable_intervals(limits: GridLimits) -> int:
     if any(x.shape[1] for x in tables):
         return MAX_REFINED
     return MAX_REFINED_OF_JOINTS
-
-
-def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
-    """Choose how many parts each interval needs for a total loss of at most `max_loss`.
-
-    With p parts, an interval keeps 1 / p² of its loss. The fewest parts with a given total loss are
-    in proportion to the cube root of the loss, apart from rounding to whole numbers.
-    """
-    loss = np.nan_to_num(loss)
-    roots = np.cbrt(loss)
-    scale = math.sqrt(roots.sum() / max_loss)
-    for _ in range(PART_SEARCHES):
-        parts = np.clip(np.rint(scale * roots), 1.0, MAX_PARTS_AT_ONCE)
-        remaining = float((loss / parts**2).sum())
-        if remaining <= max_loss:
-            break
-        scale *= math.sqrt(remaining / max_loss)
-    return _round_parts(parts, max(MAX_REFINED, len(loss)))
-
-
-def _round_parts(parts: FloatArray, max_parts: int) -> FloatArray:
-    """Round numbers of parts up, after reducing them until their sum is at most `max_parts`."""
-    while True:
-        counts = np.maximum(np.ceil(parts), 1.0)
-        if counts.sum() <= max_parts:
-            return np.asarray(counts)
-        parts = parts * FEWER
 
 
 def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:

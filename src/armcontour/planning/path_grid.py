@@ -25,6 +25,12 @@ MAX_INTERVALS = 5_000_000
 EVEN_SHARE = 0.5
 # Points with a dq_ds below this fraction of the largest dq_ds have no direction.
 RESTING_SLOPE = 1e-9
+# Largest number of parts into which a refinement for loss divides an interval.
+MAX_PARTS_AT_ONCE = 16
+# Largest number of steps in which the numbers of parts are found.
+PART_SEARCHES = 8
+# Factor by which numbers of parts decrease until they fit.
+FEWER = 0.8
 # dq_ds counts as zero below this share of the sum of its terms, which is its rounding error.
 VANISHED = 1e-12
 
@@ -59,23 +65,18 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     per_piece = count_intervals(breaks, joint_path.coefficients, count)
     if not len(per_piece):
         raise InvalidInput("No joint moves along the joint path, so there is nothing to plan.")
-    return _make_grid(joint_path, *divide_intervals(breaks, per_piece))
+    s, piece = divide_intervals(breaks, per_piece, breaks[:-1])
+    return _make_grid(joint_path, s, piece)
 
 
-def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = None) -> Grid:
+def split(grid: Grid, parts: IntArray, points: FloatArray | None = None) -> Grid:
     """Split the intervals of a grid; returns the finer grid.
 
     - `parts`: number of equal parts of each interval, (n,).
     - `points`: if given, an interval with two parts is split at its point [m], (n,), if the point
       lies inside the interval.
     """
-    parts = np.maximum(1, parts).astype(np.intp)
-    if points is None:
-        s, interval = divide_intervals(grid.s, parts)
-        return _make_grid(grid.joint_path, s, grid.piece[interval])
-    inside = (parts == 2) & (points > grid.s[:-1]) & (points < grid.s[1:])
-    s, interval = divide_intervals(grid.s, parts)
-    s[(np.cumsum(parts) - 1)[inside]] = points[inside]
+    s, interval = divide_intervals(grid.s, parts, grid.s[:-1] if points is None else points)
     return _make_grid(grid.joint_path, s, grid.piece[interval])
 
 
@@ -174,28 +175,80 @@ def count_intervals(breaks: FloatArray, coefficients: FloatArray, count: int) ->
 
 
 @compiled()
-def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
+def count_parts(loss: FloatArray, max_loss: float, most: int) -> IntArray:
+    """Choose how many parts each interval needs for a total loss of at most `max_loss`, (n,).
+
+    With p parts, an interval keeps 1 / p² of its loss. The fewest parts with a given total loss are
+    in proportion to the cube root of the loss, apart from rounding to whole numbers.
+
+    - `loss`: loss of each interval, (n,).
+    - `most`: largest sum of the parts.
+    """
+    n = len(loss)
+    roots = np.zeros(n)
+    total = 0.0
+    for i in range(n):
+        # The comparison is false for a loss that is not a number.
+        if loss[i] > 0.0:
+            roots[i] = np.cbrt(loss[i])
+            total += roots[i]
+    scale = math.sqrt(total / max_loss)
+    parts = np.ones(n)
+    for _ in range(PART_SEARCHES):
+        remaining = 0.0
+        for i in range(n):
+            if roots[i] > 0.0:
+                parts[i] = min(max(np.rint(scale * roots[i]), 1.0), MAX_PARTS_AT_ONCE)
+                remaining += loss[i] / parts[i] ** 2
+        if remaining <= max_loss:
+            break
+        scale *= math.sqrt(remaining / max_loss)
+    return round_parts(parts, most)
+
+
+@compiled()
+def round_parts(parts: FloatArray, most: int) -> IntArray:
+    """Round numbers of parts up, after reducing them until their sum is at most `most`, (n,)."""
+    counts = np.empty(len(parts), np.intp)
+    factor = 1.0
+    while True:
+        total = 0
+        for i in range(len(parts)):
+            counts[i] = max(1, int(math.ceil(factor * parts[i])))
+            total += counts[i]
+        if total <= most:
+            return counts
+        factor *= FEWER
+
+
+@compiled()
+def divide_intervals(
+    s: FloatArray, count: IntArray, points: FloatArray
+) -> tuple[FloatArray, IntArray]:
     """Divide intervals into equal parts.
 
     Returns the ends of the parts, (parts + 1,), and the interval index of each part, (parts,).
 
     - `s`: ends of the intervals, (n + 1,).
     - `count`: number of parts of each interval, (n,).
+    - `points`: an interval with two parts is divided at its point, (n,), if the point lies inside.
     """
     total = 0
     for i in range(len(count)):
         total += count[i]
-    points = np.empty(total + 1)
+    ends = np.empty(total + 1)
     interval = np.empty(total, np.intp)
     part = 0
     for i in range(len(count)):
         width = s[i + 1] - s[i]
         for k in range(count[i]):
-            points[part] = s[i] + width * k / count[i]
+            ends[part] = s[i] + width * k / count[i]
             interval[part] = i
             part += 1
-    points[total] = s[len(count)]
-    return points, interval
+        if count[i] == 2 and s[i] < points[i] < s[i + 1]:
+            ends[part - 1] = points[i]
+    ends[total] = s[len(count)]
+    return ends, interval
 
 
 @compiled()

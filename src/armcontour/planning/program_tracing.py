@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
-from armcontour.core.memory import content_key, is_remembering, remembered
+from armcontour.core.memory import content_key, is_remembering, recall, remember, remembered
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
@@ -288,6 +288,9 @@ class _Tracer:
     done: int = 0  # Number of traced contours
     # Joint paths of later moves that are already traced, by the index of the move
     ahead: dict[int, JointPath] = field(default_factory=dict)
+    # Joint paths of the trials of `_look_ahead`, by the index of the move and the joint positions
+    # from which they continue, as bytes. All trials and the tracing itself share them.
+    tried: dict[tuple[int, bytes], JointPath] = field(default_factory=dict)
     looks_ahead: bool = True  # False in the trial that compares equally fast configurations
     faster_rejected: bool = False
 
@@ -377,11 +380,17 @@ class _Tracer:
         if orientation is not None and orientation.cone > 0.0:
             # The tool may lean in several ways, which differ in duration and clearance.
             return self._fastest(path, i, q)
+        key = (i, q.tobytes())
+        if key in self.tried:
+            return self.tried[key]
         configuration = configuration_of(self.arm, q)
-        return remembered(
+        joint_path = remembered(
             ("trace", path, *self.key, content_key(configuration)),
             lambda: trace(path, self.arm, **configuration),
         )
+        if not self.looks_ahead:
+            self.tried[key] = joint_path
+        return joint_path
 
     def _trace_ahead(self, i: int, turn: Callable[[Path], Path]) -> None:
         """Trace the rapids from move i to the next contour, and this contour.
@@ -447,16 +456,40 @@ class _Tracer:
         assert fastest_rejected is not None
         return fastest_rejected
 
-    def _sort_by_next_moves(self, joint_paths: list[JointPath], i: int) -> list[JointPath]:
-        """Sort equally fast joint paths of move i by the shortest duration of the next moves."""
-        if len(joint_paths) == 1 or not self.looks_ahead:
-            return joint_paths
-        durations = np.array([self._look_ahead(x, i) for x in joint_paths])
-        durations[durations <= durations.min() * (1 + EQUALLY_FAST)] = durations.min()
-        return [joint_paths[k] for k in np.argsort(durations, kind="stable")]
+    def _sort_by_next_moves(self, joint_paths: list[JointPath], i: int) -> Iterator[JointPath]:
+        """Yield equally fast joint paths of move i, those with the fastest next moves first.
 
-    def _look_ahead(self, joint_path: JointPath, i: int) -> float:
-        """Bound the duration of the moves after move i from below [s]; infinite if infeasible."""
+        The others are followed only as far as their next moves do not take longer.
+        """
+        if len(joint_paths) == 1 or not self.looks_ahead:
+            yield from joint_paths
+            return
+        self.tried.clear()
+        trials = [self._look_ahead(x, i) for x in joint_paths]
+        durations = np.zeros(len(trials))
+        is_complete = np.zeros(len(trials), dtype=np.bool_)
+        waiting = np.ones(len(trials), dtype=np.bool_)
+        while waiting.any():
+            shortest = durations[is_complete & waiting].min(initial=np.inf)
+            as_fast = waiting & (durations <= shortest * (1 + EQUALLY_FAST))
+            followed = as_fast & ~is_complete
+            if followed.any():
+                k = int(np.argmin(np.where(followed, durations, np.inf)))
+                duration = next(trials[k], None)
+                if duration is None:
+                    is_complete[k] = True
+                else:
+                    durations[k] = duration
+                continue
+            for k in np.flatnonzero(as_fast):
+                yield joint_paths[k]
+            waiting &= ~as_fast
+
+    def _look_ahead(self, joint_path: JointPath, i: int) -> Iterator[float]:
+        """Yield lower bounds of the duration from the end of move i to that of each next move [s].
+
+        The last one is infinite if a move is infeasible.
+        """
         done = sum(isinstance(x, Contour) for x in self.program.moves[: i + 1])
         trial = replace(
             self,
@@ -467,15 +500,21 @@ class _Tracer:
             ahead={},
             looks_ahead=False,
         )
+        duration = 0.0
         for k, move in enumerate(self.program.moves[i + 1 :], i + 1):
             if trial.done == done + LOOK_AHEAD:
                 break
+            # A straight line to the start of the move is inserted at the last rapid.
+            first = len(trial.steps) if trial.rapid_step is None else trial.rapid_step
             try:
                 trial.follow(k, move)
             except ArmContourError:
-                return np.inf
-        joint_paths = [x.joint_path for x in trial.steps if x.joint_path is not None]
-        return sum(bound_duration(x, self.arm.limits) for x in joint_paths)
+                yield np.inf
+                return
+            for x in trial.steps[first:]:
+                if x.joint_path is not None:
+                    duration += bound_duration(x.joint_path, self.arm.limits)
+            yield duration
 
 
 def _without_unwinding(joint_path: JointPath, arm: Arm, end: FloatArray) -> JointPath:
@@ -500,10 +539,11 @@ def _with_known_paths(program: Program) -> Program:
     for i, move in enumerate(moves):
         if isinstance(move, Contour):
             key = "path", content_key(move.path)
-            path = move.path
-            known = remembered(key, lambda path=path: path)
-            if known is not path:
-                moves[i] = replace(move, path=known)
+            known = recall(key)
+            if known is None:
+                remember(key, move.path)
+            else:
+                moves[i] = move if known is move.path else replace(move, path=known)
     return replace(program, moves=tuple(moves))
 
 

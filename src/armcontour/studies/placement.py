@@ -23,7 +23,7 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row
 from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.run_plan import plan_one
+from armcontour.jobs.run_plan import plan_one, round_anywhere
 from armcontour.planning import Optimal
 from armcontour.program import Program
 from armcontour.robot import SerialArm
@@ -187,7 +187,9 @@ def place(
     optimal = [x for x in job.runs if isinstance(x.timing, Optimal)]
     chosen = choose_run(job, run, "placed", optimal)
     report = subprogress(progress, "placing")
-    planner = _Planner(replace(job, runs=(chosen,)), move, _center(job, move))
+    planner = _Planner(
+        replace(job, runs=(chosen,)), move, _center(job, move), _programs_anywhere(job, chosen)
+    )
     # The first plan, at the job's own place, compiles functions for all processes.
     own = planner({})
     names = list(axes)
@@ -218,18 +220,33 @@ class _Planner:
     job: Job
     moved: str
     about: FloatArray
+    # The prepared and the rounded program, if they are the same at all places.
+    programs: tuple[Program, Program] | None
 
     def __call__(self, values: Mapping[str, float]) -> Place:
         """Plan the job at displacements by axis [m, rad]; return the place with the result."""
         try:
             job = place_job(self.job, displacement(values, self.about), self.moved)
-            planned = plan_one(job, job.runs[0])
+            objective, path = self.programs or (None, None)
+            planned = plan_one(job, job.runs[0], objective=objective, path=path)
         except ArmContourError as error:
             kind = (error.limit or "other").replace("_", " ")
             return Place(values=values, refusal=kind, why_not=str(error))
         clearance = None if planned.clearance is None else planned.clearance.low
         duration = float(planned.trajectory.duration)
         return Place(values=values, duration=duration, clearance=clearance)
+
+
+def _programs_anywhere(job: Job, run: Run) -> tuple[Program, Program] | None:
+    """Return the prepared and the rounded program, if they are the same at all places."""
+    if not isinstance(job.arm, SerialArm):
+        # The path of an arm in the plane is moved itself.
+        return None
+    try:
+        return round_anywhere(job, run)
+    except ArmContourError:
+        # Every place is refused with this error.
+        return None
 
 
 def _read_grid(grid: Mapping[str, Any], dimension: int) -> dict[str, FloatArray]:

@@ -20,12 +20,14 @@ from armcontour.files.job_text_edits import line_of, value_at
 from armcontour.files.touch_file import touch_columns
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
+from armcontour.report.arm_frame import matrix
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import EXTERNAL_AXES, run_of, shown_unit, value_of
 from armcontour.studio.edits.layout import tilt_of
-from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_on_base
+from armcontour.studio.edits.obstacles import part_names
+from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
@@ -36,6 +38,7 @@ LABELS = {
     "remove_waypoint": "remove waypoint {number}",
     "place": "place the part",
     "obstacle": "{action} an obstacle",
+    "allow": "allow two bodies to touch",
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
@@ -233,11 +236,24 @@ def _touch_columns(job: Job | None) -> list[dict[str, str]]:
 
 
 def _scene(data: Mapping[str, Any], job: Job | None, handles: Handles | None) -> dict[str, Any]:
-    """Describe the obstacles, and the plane of the picture in their frame."""
+    """Describe the obstacles, the parts of a CAD model, and the plane of the picture.
+
+    `plane` is in the frame of the base, and `part` is the plane and the pose of the part frame in
+    the work frame.
+    """
     if job is None or handles is None:
-        return {"obstacles": []}
-    plane = plane_on_base(handles.plane, job.arm.chain.base)
-    return {"obstacles": obstacles_of(data, job, handles.plane), "plane": plane}
+        return {"obstacles": [], "parts": []}
+    plane = handles.plane
+    axes = {"x": plane.x, "y": plane.y, "normal": plane.normal, "origin": plane.origin}
+    return {
+        "obstacles": obstacles_of(data, job, plane, handles.frame),
+        "parts": part_names(data, job.scene),
+        "plane": plane_in(plane, job.arm.chain.base),
+        "part": {
+            **{"at": matrix(handles.frame), "centre": handles.centre, "plane": axes},
+            "dimension": job.arm.dimension,
+        },
+    }
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:

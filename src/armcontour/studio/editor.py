@@ -9,6 +9,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_bytes
+from armcontour.core.source_file import SourceFile, fingerprint
 from armcontour.core.yaml_loader import load
 from armcontour.files.job_text_edits import Change, change_data, write_data
 from armcontour.files.model.edge_picking import EdgePicker
@@ -198,6 +200,18 @@ class Editor:
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
         shown = [x for x in (self.run, self._run_before) if x in names]
         return next(iter([*shown, *fast, *names]), "")
+
+    def sources(self, text: str) -> list[SourceFile]:
+        """Return a text of the job and its drawing, with their fingerprints."""
+        sources = [SourceFile.from_text(self.document.source, text)]
+        path = self.document.data.get("path")
+        file = path.get("file") if isinstance(path, Mapping) else None
+        if isinstance(file, str):
+            drawing = self.folder / file
+            with suppress(InvalidInput):
+                content = read_bytes(drawing, "drawing")
+                sources.append(SourceFile(drawing.name, fingerprint(content)))
+        return sources
 
     def request(self, revision: Revision, options: Mapping[str, Any]) -> dict[str, Any]:
         """Request for the task process: the fields of `tasks.request.Request`."""

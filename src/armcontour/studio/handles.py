@@ -26,9 +26,10 @@ from armcontour.files.scene_file import SceneModel
 from armcontour.geometry import Segments
 from armcontour.jobs import Job
 from armcontour.program import Program
+from armcontour.report.arm_frame import matrix
 from armcontour.report.triangles import triangles_of
 from armcontour.report.view import Plane, View, in_space
-from armcontour.robot.scene import BASE, HalfSpace, Obstacle
+from armcontour.robot.scene import BASE, PART, HalfSpace, Obstacle
 from armcontour.studio.model_reader import is_model_file
 
 # Role, keys, position in the part frame [m] (None if computed) and coordinates as written.
@@ -248,19 +249,32 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
     )
 
 
-def obstacles_of(data: Mapping[str, Any], job: Job, plane: Plane) -> list[dict[str, Any]]:
-    """List the obstacles in the job file, those on the base with their outline."""
+def obstacles_of(
+    data: Mapping[str, Any], job: Job, plane: Plane, frame: Frame
+) -> list[dict[str, Any]]:
+    """List the obstacles in the job file, with their places and outlines.
+
+    `place` is the pose in the base frame, or in the work frame if it is fixed to the part; `plane`
+    is the plane of the picture in the frame of the keys of the obstacle.
+    """
     scene = data.get("scene") or {}
     written = scene.get("obstacles") or []
     si = in_si(scene, SceneModel).get("obstacles") or []
     bodies = {} if job.scene is None else {x.name: x for x in job.scene.obstacles}
-    return [
-        {
-            **{**x, "index": k, "written": written[k], "unit": _unit(written[k])},
-            **_outline(bodies[x["name"]], job.arm.chain.base, plane),
-        }
-        for k, x in enumerate(si)
-    ]
+    base = job.arm.chain.base
+    frames = {BASE: base, PART: frame}
+    rows = []
+    for k, x in enumerate(si):
+        body = bodies[x["name"]]
+        rows.append(
+            {
+                **{**x, "index": k, "written": written[k], "unit": _unit(written[k])},
+                **{"fixed_to": body.fixed_to, "place": matrix(body.place)},
+                "plane": plane_in(plane, frames[body.fixed_to]),
+                **_outline(body, base, plane),
+            }
+        )
+    return rows
 
 
 def _outline(obstacle: Obstacle, base: Frame, plane: Plane) -> dict[str, Any]:
@@ -268,20 +282,20 @@ def _outline(obstacle: Obstacle, base: Frame, plane: Plane) -> dict[str, Any]:
 
     The outline, (n, 2), and the axes, (3, 2), are relative to the position.
     """
-    if obstacle.fixed_to != BASE or isinstance(obstacle.shape, HalfSpace):
+    if isinstance(obstacle.shape, HalfSpace):
         return {}
     from scipy.spatial import ConvexHull
 
-    pose = base @ obstacle.place
+    pose = base @ obstacle.place if obstacle.fixed_to == BASE else obstacle.place
     corners = triangles_of(obstacle.shape).reshape(-1, 3) @ pose.rotation.T
     flat, axes = (plane.uv(plane.origin + x) for x in (corners, pose.rotation.T))
     outline = flat[ConvexHull(flat).vertices]
     return {"uv": plane.uv(pose.position), "outline": outline, "axes": axes}
 
 
-def plane_on_base(plane: Plane, base: Frame) -> dict[str, Any]:
-    """Return the plane of the picture in the base frame, in which obstacles are given."""
-    back = base.inverse
+def plane_in(plane: Plane, frame: Frame) -> dict[str, Any]:
+    """Return the plane of the picture in another frame, such as that of the base."""
+    back = frame.inverse
     x, y, normal = (back.rotation @ axis for axis in (plane.x, plane.y, plane.normal))
     origin = back.position + back.rotation @ plane.origin
     return {"origin": origin, "x": x, "y": y, "normal": normal}

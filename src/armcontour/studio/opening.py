@@ -18,6 +18,7 @@ from armcontour.files.drawings.path_reader import READERS, YAML
 from armcontour.files.job_file import cell_names, cell_text, drawing_patch, drawing_text
 from armcontour.files.job_patch import Patch, key_of, write_patch
 from armcontour.files.job_text_edits import Change
+from armcontour.files.mesh_file import MESHES
 from armcontour.studio.document import Document, decode
 from armcontour.studio.model_reader import is_model_file
 from armcontour.studio.recent import all_recent, make_private, state_folder
@@ -111,6 +112,13 @@ class Uploads:
         if len(self.logs) > MAX_LOGS:
             self.logs.pop(next(iter(self.logs))).unlink()
         return file.name
+
+    def keep_mesh(self, name: str, content: bytes, folder: FilePath) -> str:
+        """Store the mesh of an obstacle; returns its name or path, as a job in `folder` has it."""
+        check_file_name(name)
+        if FilePath(name).suffix.lower() not in MESHES:
+            raise InvalidInput(f"{name} must be a mesh ({', '.join(MESHES)}).")
+        return self._store(name, content, folder)
 
     def find_logs(self, names: Any) -> list[str]:
         """Return the paths of the stored logs with the given names."""

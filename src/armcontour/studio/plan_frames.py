@@ -39,9 +39,11 @@ from armcontour.report.view import (
     to_float32,
 )
 from armcontour.robot import Arm, Limits
+from armcontour.robot.chain import floor_poses
 from armcontour.robot.limit_use import use_of
 from armcontour.studio.axis_frames import tool_axes
 from armcontour.studio.model_reader import is_model_file
+from armcontour.verification.clearance import Clearance
 
 # Approximate maximum number of drawn points per path.
 MAX_POINTS = 20_000
@@ -105,11 +107,12 @@ def refusal_header(
     run: str | None = "",
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
+    arm: Arm | None = None,
 ) -> dict[str, Any]:
     """Make the header of a frame `refusal`: the error and where it is on the path.
 
     `tier` is the failed computation: 1 plan, 2 execution, 3 full run. Without a `view`, the
-    position is unknown.
+    position is unknown. With an `arm`, the header has the postures at which bodies touch.
     """
     edits = [
         [_edit((*error.key, *keys), value) for keys, value in remedy.items()]
@@ -122,7 +125,31 @@ def refusal_header(
         **{"key": ".".join(map(str, error.key)), "remedies": edits},
         "at": {} if view is None else _position(error, view, planned, waypoints),
         "bodies": error.bodies if isinstance(error, Collision) else (),
+        "contacts": [] if arm is None else _contacts(error, arm),
     }
+
+
+def _contacts(error: ArmContourError, arm: Arm) -> list[dict[str, Any]]:
+    """Describe the pairs of bodies that are too near, in order of time.
+
+    Each has the joint positions `q` [rad] at its first time `t` [s], and the nearest points of both
+    bodies in the frame of the floor [m].
+    """
+    clearance = getattr(error, "clearance", None)
+    if not isinstance(clearance, Clearance):
+        return []
+    rows = []
+    for pair in clearance.too_near:
+        (floor,) = floor_poses(arm.chain, pair.q[None])
+        rows.append(
+            {
+                **{"first": pair.first, "second": pair.second, "words": pair.bodies},
+                **{"t": pair.first_time, "q": pair.q, "frame": "floor"},
+                "points": (pair.points - floor[:, 3]) @ floor[:, :3],
+                "sentence": str(pair),
+            }
+        )
+    return rows
 
 
 def _position(

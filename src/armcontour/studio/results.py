@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
+from armcontour.core.source_file import SourceFile
 from armcontour.studio.differences import differences
 
 # Maximum number of results whose origin is kept; pages show fewer.
 MAX_ORIGINS = 50
-# Number of hexadecimal digits of a displayed hash.
-HASH_DIGITS = 8
 # Difference after the files of a job, such as its drawing, were read again.
 READ_AGAIN = "Files read again"
 
@@ -26,7 +24,7 @@ class Origin:
         task: Name of the task.
         data: Data of the job.
         run: Name of the run.
-        made: Facts for users: time, name of the job, run, and hash of the job's text.
+        made: Facts for users: time, name of the job, run, and files with their fingerprints.
         reread: Whether the files of the job were read again since.
     """
 
@@ -48,17 +46,30 @@ class Origins:
     def __init__(self) -> None:
         self._origins: dict[str, Origin] = {}
 
-    def keep(self, id: str, task: str, data: Mapping[str, Any], text: str, run: str) -> None:
-        """Keep the state for which a task is started; above the limit, drop the oldest."""
+    def keep(
+        self, id: str, task: str, data: Mapping[str, Any], run: str, files: Sequence[SourceFile]
+    ) -> str:
+        """Keep the state for which a task is started; above the limit, drop the oldest.
+
+        Returns the facts of the result in one line, for its file.
+
+        Args:
+            id: Identifier of the task.
+            task: Name of the task.
+            data: Data of the job.
+            run: Name of the run.
+            files: The job's text and its drawing.
+        """
         made = {
             "time": datetime.now().isoformat(" ", "minutes"),
             "job": str(data.get("name") or "job"),
             "run": run,
-            "hash": job_hash(text),
+            "files": ", ".join(f"{x.name} {x.fingerprint}" for x in files),
         }
         self._origins[id] = Origin(task, data, run, made)
         while len(self._origins) > MAX_ORIGINS:
             del self._origins[next(iter(self._origins))]
+        return f"{made['time']}, job {made['job']}, run {run}, SHA-256: {made['files']}"
 
     def made(self, id: Any) -> Mapping[str, str] | None:
         """Return the facts of a result for users; None for an unknown task."""
@@ -82,8 +93,3 @@ class Origins:
     def clear(self) -> None:
         """Forget all results, because another document is opened."""
         self._origins.clear()
-
-
-def job_hash(text: str) -> str:
-    """Return the first digits of the SHA-256 hash of a job's text."""
-    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]

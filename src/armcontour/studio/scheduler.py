@@ -48,6 +48,9 @@ MIN_SIMULATION_INTERVAL = 0.06
 # If the last two plans took longer than this [s], the outline is shown first, and the plan only
 # after the rest time without edits.
 SLOW_PLAN = 0.5
+# If the simulation of a preview took longer than this [s], the next ones are omitted, because the
+# exact figures, which are then computed at once, take little longer.
+SLOW_SIMULATION = 0.5
 # Computing time after which a newer state cancels a plan [s].
 MAX_OBSOLETE_PLAN = 0.5
 # Computing time after which a newer state cancels exact figures [s].
@@ -77,12 +80,14 @@ class ShownResults:
         planned: Newest plan; None without one.
         sent_parts: Arm, scene and `path_points` that the pages show.
         plan_times: Computing times of the last two plans [s].
+        simulation_time: Computing time of the last simulation of a preview [s].
         drawn: Path that the pages show without a plan.
     """
 
     planned: Preview | None = None
     sent_parts: tuple[Arm, Scene | None, list[list[float]] | None] | None = None
     plan_times: tuple[float, float] = (0.0, 0.0)
+    simulation_time: float = 0.0
     drawn: Program | None = None
 
 
@@ -298,9 +303,13 @@ class Scheduler:
         self._show_plan(state, planned)
         if plan_time > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED:
             self._wait(state, stale)
+        if results.simulation_time > SLOW_SIMULATION:
+            return
         if stale() and time.monotonic() < self._executed_at + MIN_SIMULATION_INTERVAL:
             raise Superseded
+        started_at = time.thread_time()
         self._show_execution(state, planned)
+        results.simulation_time = time.thread_time() - started_at
 
     def _show_exact(self, state: DocumentState, plan: RunResult, stale: StaleCheck) -> None:
         """Show the plan of the full run, which the task process has computed."""

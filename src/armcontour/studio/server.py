@@ -14,6 +14,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -114,7 +115,7 @@ class Server:
         await respond(send, 200, file.data, "application/octet-stream", headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Open an uploaded file, or store it as a log."""
+        """Open an uploaded file, or store it as a log or as a mesh."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
         cell = cell or None
@@ -123,9 +124,11 @@ class Server:
         if session is None:
             raise RefusedRequest(503, "The Studio is still starting. Try again in a moment.")
         status = 200
-        upload = (name, body, cell, unknown, "log" in query)
+        opening = partial(
+            session.open_upload, name, body, cell, unknown, log="log" in query, mesh="mesh" in query
+        )
         try:
-            answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
+            answer = {"name": await asyncio.to_thread(opening)}
         except ArmContourError as error:
             from armcontour.report.message_frame import without_options
 

@@ -19,6 +19,7 @@ from armcontour.core.compilation import compile_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
+from armcontour.core.source_file import fingerprint
 from armcontour.core.text import show
 from armcontour.files.file_keys import in_si
 from armcontour.files.job_file import cell_names
@@ -42,8 +43,9 @@ from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.plan_frames import drawing_frame, refusal_header
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
-from armcontour.studio.results import Origins, job_hash
+from armcontour.studio.results import Origins
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
+from armcontour.studio.segments_frame import segments_frame
 
 # Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100
@@ -152,11 +154,20 @@ class Session:
                 self._show_document()
 
     def open_upload(
-        self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
+        self,
+        name: str,
+        content: bytes,
+        cell: str | None,
+        unknown: str = "",
+        *,
+        log: bool = False,
+        mesh: bool = False,
     ) -> str:
-        """Open an uploaded file, or store it as a log; returns the name of the file or log."""
+        """Open an uploaded file, or store it as a log or as a mesh; returns its name."""
         with self.lock:
             editor = self.editor
+            if mesh:
+                return editor.uploads.keep_mesh(name, content, editor.folder)
             if log:
                 name = editor.uploads.keep_log(name, content)
                 self._show_document()
@@ -313,8 +324,15 @@ class Session:
         id = _required_text(message, "id")
         task = _required_text(message, "task")
         request = self.editor.request(self._revision, options)
-        self._origins.keep(id, task, self._revision.data, request["text"], request["run"])
-        self.scheduler.start_task(id, task, request)
+        data = self._revision.data
+        files = self.editor.sources(request["text"])
+        origin = self._origins.keep(id, task, data, request["run"], files)
+        self.scheduler.start_task(id, task, {**request, "origin": origin})
+
+    def do_segments(self, page: Page, message: PageMessage) -> None:
+        """Send the segments of the drawing to the page, which measures them."""
+        job = self.editor.state.job
+        self.send(segments_frame(None if job is None else job.program), to=page)
 
     def do_cancel(self, page: Page, message: PageMessage) -> None:
         """Cancel a task."""
@@ -357,7 +375,7 @@ class Session:
             "id": editor.id,
             "logs": list(editor.uploads.logs),
             "model": self._model_header(),
-            "hash": job_hash(editor.document.text),
+            "hash": fingerprint(editor.document.text.encode()),
             # What has changed since each result was made, by identifier of its task.
             "outdated": self._origins.changes_until(editor.state.data),
         }

@@ -78,6 +78,7 @@ class SetPointTable(Checked):
 
     Args:
         name: Name of the program, one line of text.
+        origin: When and of what the table was made, one line of text for a comment; empty: none.
         joint_names: Names of the joints.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
         external: Indices of external axes; by default of the prismatic joints.
@@ -112,6 +113,7 @@ class SetPointTable(Checked):
     command_limits: Limits | None = None
     prismatic: tuple[bool, ...] = ()
     external: tuple[int, ...] = ()
+    origin: str = ""
 
     def _check_together(self) -> None:
         """Complete the defaults, and check that the fields fit together."""
@@ -160,6 +162,8 @@ class SetPointTable(Checked):
             if kind != "name":
                 # The name of the table is by default that of a file, which may be longer.
                 checks.check_name(kind, text)
+        if not isinstance(self.origin, str) or not self.origin.isprintable():
+            raise InvalidInput(f"An origin must be one line of text, but is {self.origin!r}.")
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
             raise InvalidInput(f"Joint names must be unique, but {min(repeated)!r} is repeated.")
@@ -233,6 +237,7 @@ def make_table(
     cycle: Interval | None = None,
     derivatives: Annotated[int, AtLeast(0, 2)] | None = None,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
+    origin: str = "",
 ) -> SetPointTable:
     """Create the table of set-points or of a sampled trajectory; the first point has time 0.
 
@@ -252,6 +257,7 @@ def make_table(
             but 0 for set-points with command limits, which are limits of their differences.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
+        origin: When and of what the table is made, for a comment of the file; empty: none.
     """
     if isinstance(data, SetPoints):
         samples = _sample_set_points(data, cycle, derivatives)
@@ -268,6 +274,7 @@ def make_table(
     return tabulate(
         samples,
         name=name,
+        origin=origin,
         cycle=step,
         events=tuple(x.shifted(-start) for x in plan.events),
         waits=tuple(x.shifted(-start) for x in plan.waits),

@@ -120,7 +120,8 @@ def write_ros_yaml(
     )
     units = joint_units("rad", table.prismatic)
     named = (f"{x} [{unit}]" for x, unit in zip(table.joint_names, units, strict=True))
-    about = f"# {table.name}\n# Positions: {', '.join(named)}\n{events}"
+    origin = f"# {table.origin}\n" if table.origin else ""
+    about = f"# {table.name}\n{origin}# Positions: {', '.join(named)}\n{events}"
     end = list[str]()
     if tolerances is not None:
         about += "trajectory:\n"

@@ -290,6 +290,7 @@ def _variables(
     points = _template_points(table)
     return {
         "name": table.name,
+        "origin": table.origin,
         "file": file,
         "joint_names": table.joint_names,
         "arm_joints": tuple(x for k, x in enumerate(table.joint_names) if k not in table.external),

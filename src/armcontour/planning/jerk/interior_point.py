@@ -106,6 +106,14 @@ class _JerkIterate(NamedTuple):
     dual: _Duals
 
 
+class _PendingStep(NamedTuple):
+    """What an iteration leaves to the next one, which does it while it reads the rows."""
+
+    change: _Duals  # Changes of the multipliers that are in no block
+    share: float  # Fraction of the changes of all multipliers
+    moves_tangents: bool  # True if the tangents are not at d yet
+
+
 @compiled(inner=True, allocates=True)
 def _new_duals(p: JerkSection) -> _Duals:
     """Make zero multipliers, or slacks, for all rows that are in no block."""
@@ -370,14 +378,62 @@ def _add_durations(p: JerkSection, d: FloatArray, bands: FloatArray, right: Floa
     return total
 
 
+@compiled(inner=True, fastmath=FUSED)
+def _take_dual_step(rows: FloatArray, at: int, share: float) -> Any:
+    """Change a multiplier of LANES parts by the fraction `share` of its step; return it."""
+    dual = load(rows, at + DUALS) + share * load(rows, at + INVERSES)
+    store(rows, at + DUALS, dual)
+    return dual
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _move_tangents(p: JerkSection, blocks: _Blocks, b: int, lanes: FloatArray) -> None:
+    """Move the tangents of a block to d where every row retains the share MIN_SLACK of its slack.
+
+    - `lanes`: scratch array of at least two vectors.
+    """
+    tangents = blocks.tangents
+    j = p.raised.shape[1]
+    near = _load_row(blocks.near, b * 3 * LANES)
+    at = b * (RAISED + 3 * j * LANES)
+    mean = near[0] * 0.0
+    for k in range(j):
+        mean = mean + _dot(_load_row(tangents, at + RAISED + 3 * k * LANES), near) / float(j)
+    store(lanes, 0, mean)
+    for lane in range(LANES):
+        root = 1.0 / math.sqrt(lanes[lane]) if lanes[lane] > 0.0 else 1.0
+        lanes[LANES + lane] = 1.5 * root
+    level = load(lanes, LANES)
+    slope = level / (-3.0 * mean)
+    worst = near[0] * 0.0
+    for r in range(p.curved.shape[1]):
+        before = _slacks(p, blocks, b, p.plain.shape[1] + r, near)
+        old_level, old_slope, row = _tangent_row(p, tangents, b, r)
+        square = _dot(row, near)
+        jerk = p.jerk[r]
+        rise = jerk * (level + slope * square) - old_level - old_slope * square
+        for k in range(2):
+            worst = lower(before[k] * (1.0 - MIN_SLACK) + rise, worst)
+    store(tangents, at + LEVEL, choose(worst, 0.0, load(tangents, at + LEVEL), level))
+    store(tangents, at + SLOPE, choose(worst, 0.0, load(tangents, at + SLOPE), slope))
+
+
 @compiled(inner=True, fastmath=FUSED, allocates=True)
 def _add_barriers(
-    p: JerkSection, iterate: _JerkIterate, mu: float, bands: FloatArray, right: FloatArray
+    p: JerkSection,
+    iterate: _JerkIterate,
+    mu: float,
+    pending: _PendingStep,
+    bands: FloatArray,
+    right: FloatArray,
 ) -> None:
-    """Add the barriers `-mu log s` of all rows; write the inverse slacks of blocks.
+    """Take the pending step of the multipliers, and add the barriers `-mu log s` of all rows.
 
     A row with the slack s and the multiplier y adds `(ds/dd)' (y / s) (ds/dd)` to the second
-    derivatives, and `(mu / s) ds/dd` to the right side.
+    derivatives, and `(mu / s) ds/dd` to the right side. Writes the inverse slacks of blocks.
+
+    All that an iteration does with a block before Newton's system is done here, because the rows of
+    all blocks do not fit into the fast caches.
     """
     n = len(p.width)
     d, blocks, slack, dual = iterate
@@ -385,9 +441,13 @@ def _add_barriers(
     curved = p.curved.shape[1]
     rows = blocks.rows
     sums = np.empty(9 * LANES)
+    _add_scaled(dual.round, pending.change.round, pending.share)
+    _add_scaled(dual.positive, pending.change.positive, pending.share)
     # Plain and curved rows, LANES parts at a time
     for b in range(len(blocks.near) // (3 * LANES)):
         near = _load_row(blocks.near, b * 3 * LANES)
+        if pending.moves_tangents:
+            _move_tangents(p, blocks, b, sums)
         zero = near[0] * 0.0
         h = (zero, zero, zero, zero, zero, zero)
         g = (zero, zero, zero)
@@ -396,10 +456,10 @@ def _add_barriers(
             slacks = _slacks(p, blocks, b, r, near)
             row = _load_row(rows, at)
             below, above = 1.0 / slacks[0], 1.0 / slacks[1]
+            one = _take_dual_step(rows, at, pending.share) * below
+            other = _take_dual_step(rows, at + LANES, pending.share) * above
             store(rows, at + INVERSES, below)
             store(rows, at + INVERSES + LANES, above)
-            one = load(rows, at + DUALS) * below
-            other = load(rows, at + DUALS + LANES) * above
             if r < plain:
                 h, g = _accumulate(h, g, row, one + other, mu * (below - above))
                 continue
@@ -541,47 +601,6 @@ def _dual_changes(
     return reach
 
 
-@compiled(inner=True, fastmath=FUSED)
-def _take_dual_step(rows: FloatArray, dual: _Duals, change: _Duals, share: float) -> None:
-    """Change all multipliers by the fraction `share` of their step."""
-    for at in range(0, len(rows), ROW):
-        for k in range(at, at + 2 * LANES, LANES):
-            store(rows, k + DUALS, load(rows, k + DUALS) + share * load(rows, k + INVERSES))
-    _add_scaled(dual.round, change.round, share)
-    _add_scaled(dual.positive, change.positive, share)
-
-
-@compiled(inner=True, fastmath=FUSED, allocates=True)
-def _move_tangents(p: JerkSection, blocks: _Blocks) -> None:
-    """Move the tangent of each part to d if every row retains the share MIN_SLACK of its slack."""
-    tangents = blocks.tangents
-    j = p.raised.shape[1]
-    lanes = np.empty(3 * LANES)
-    for b in range(len(blocks.near) // (3 * LANES)):
-        near = _load_row(blocks.near, b * 3 * LANES)
-        at = b * (RAISED + 3 * j * LANES)
-        mean = near[0] * 0.0
-        for k in range(j):
-            mean = mean + _dot(_load_row(tangents, at + RAISED + 3 * k * LANES), near) / float(j)
-        store(lanes, 0, mean)
-        for lane in range(LANES):
-            root = 1.0 / math.sqrt(lanes[lane]) if lanes[lane] > 0.0 else 1.0
-            lanes[LANES + lane] = 1.5 * root
-        level = load(lanes, LANES)
-        slope = level / (-3.0 * mean)
-        worst = near[0] * 0.0
-        for r in range(p.curved.shape[1]):
-            before = _slacks(p, blocks, b, p.plain.shape[1] + r, near)
-            old_level, old_slope, row = _tangent_row(p, tangents, b, r)
-            square = _dot(row, near)
-            jerk = p.jerk[r]
-            rise = jerk * (level + slope * square) - old_level - old_slope * square
-            for k in range(2):
-                worst = lower(before[k] * (1.0 - MIN_SLACK) + rise, worst)
-        store(tangents, at + LEVEL, choose(worst, 0.0, load(tangents, at + LEVEL), level))
-        store(tangents, at + SLOPE, choose(worst, 0.0, load(tangents, at + SLOPE), slope))
-
-
 @compiled(inner=True, allocates=True)
 def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
     """Solve a symmetric pentadiagonal system in place, by LDLᵀ with a scaled diagonal."""
@@ -690,15 +709,16 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
     bounds = _count_bounds(p, dual)
     mu = size / bounds
     # Without multipliers and without a step, the changes are the multipliers on the central path.
-    _add_barriers(p, iterate, mu, bands, right)
+    _add_barriers(p, iterate, mu, _PendingStep(change, 0.0, False), bands, right)
     _dual_changes(p, iterate, trial, mu, change)
-    _take_dual_step(blocks.rows, dual, change, 1.0)
+    dual_share = 1.0
     for iteration in range(max_iterations):
         # Newton's system, and its solution
         bands[:] = 0.0
         right[:] = 0.0
         size = _add_durations(p, d, bands, right)
-        _add_barriers(p, iterate, mu, bands, right)
+        pending = _PendingStep(change, dual_share, iteration > 0)
+        _add_barriers(p, iterate, mu, pending, bands, right)
         _fix_ends(bands, right)
         trial[:] = right
         _solve_bands(bands, right)
@@ -707,7 +727,6 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
             decrement += trial[i] * right[i]
         # Longest feasible step
         share, dual_share = _dual_changes(p, iterate, right, mu, change)
-        _take_dual_step(blocks.rows, dual, change, dual_share)
         _take_step(d, right, share, trial)
         halvings = 0
         while not _is_inside(p, trial, blocks, slack):
@@ -717,9 +736,8 @@ def improve(p: JerkSection, d: FloatArray, tolerance: float, max_iterations: int
             if halvings > MAX_SHORTENINGS:
                 return iteration
             _take_step(d, right, share, trial)
-        # New tangents, and a smaller barrier near the central path
+        # A smaller barrier near the central path
         d[:] = trial
-        _move_tangents(p, blocks)
         if decrement < CENTERED * bounds * mu and min(share, dual_share) > LONG_NEWTON_STEP:
             if bounds * mu <= 0.5 * tolerance * size:
                 return iteration + 1

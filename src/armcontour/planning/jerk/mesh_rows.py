@@ -32,6 +32,8 @@ HIGHEST_DEGREE = 5
 _Cells = tuple[IntArray, FloatArray, FloatArray]
 # Smallest value at an end of the tangent that bounds ds², as a fraction of its value in the middle
 LEAST_TANGENT_SHARE = 0.25
+# Smallest q' as a fraction of its limit [s/m], which prevents a division by zero
+SMALLEST_SLOPE = 1e-150
 
 
 class Basis(NamedTuple):
@@ -69,7 +71,62 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
 
 def raised(basis: Basis, degree: int) -> FloatArray:
     """Return the control points of ds² as a polynomial of a degree >= 2, (m, degree + 1, 3)."""
-    return np.asarray(np.einsum("cm,pbm->pcb", to_bernstein(degree)[:, :3], basis.square))
+    points = basis.square.reshape(-1, 3) @ to_bernstein(degree)[:, :3].T
+    return np.asarray(points.reshape(-1, 3, degree + 1).transpose(0, 2, 1))
+
+
+@compiled()
+def localize(cells: _Cells, points: FloatArray, rows: FloatArray) -> None:
+    """Convert rows that multiply a cell's control points to rows of the unknowns.
+
+    - `cells`: cell of each of the n parts, and `control_points` of the cells.
+    - `points`: rows of the three control points, (n, rows, 3).
+    - `rows`: output, (n, rows, 3).
+    """
+    cell, begin, end = cells
+    for i in range(points.shape[0]):
+        m = cell[i]
+        for r in range(points.shape[1]):
+            # The middle control point is an unknown, the other two follow from the unknowns.
+            for b in range(3):
+                rows[i, r, b] = points[i, r, 0] * begin[m, b] + points[i, r, 2] * end[m, b]
+            rows[i, r, 1] += points[i, r, 1]
+
+
+@compiled()
+def speed_ceiling(
+    width: FloatArray, slopes: FloatArray, third: FloatArray, limit: FloatArray, top: FloatArray
+) -> None:
+    """Write upper bounds of the control points of ds² by the joint velocity limits.
+
+    A joint's |q'| divided by its limit is below a line. The tangent of `1 / line²` is a lower bound
+    of `1 / line²`.
+
+    - `width`: lengths of the n parts [m], (n,).
+    - `slopes`: q' at the starts and ends of the parts, (n, 2, dof).
+    - `third`: bounds of |q'''| on the parts, (n, dof).
+    - `limit`: velocity limits [rad/s], (n, dof); infinite without a limit.
+    - `top`: output, (n, 3).
+    """
+    for i in range(len(width)):
+        top[i] = np.inf
+        for j in range(limit.shape[1]):
+            if limit[i, j] == np.inf:
+                continue
+            bulge = width[i] * width[i] / 8 * third[i, j]
+            first = max((abs(slopes[i, 0, j]) + bulge) / limit[i, j], SMALLEST_SLOPE)
+            last = max((abs(slopes[i, 1, j]) + bulge) / limit[i, j], SMALLEST_SLOPE)
+            middle = (first + last) / 2
+            change = (last - first) / middle
+            if abs(change) > 1 - LEAST_TANGENT_SHARE:
+                level = 1 / max(first, last) ** 2
+                for k in range(3):
+                    top[i, k] = min(top[i, k], level)
+                continue
+            tangent = 1 / middle**2
+            top[i, 0] = min(top[i, 0], tangent * (1 + change))
+            top[i, 1] = min(top[i, 1], tangent)
+            top[i, 2] = min(top[i, 2], tangent * (1 - change))
 
 
 @compiled()
@@ -95,12 +152,13 @@ def motion_rows(
     """
     derivatives = np.zeros((3, HIGHEST_DEGREE + 1))
     powers = np.empty((2, HIGHEST_DEGREE + 2, 3))
+    degree = len(of_powers[0]) - 1
     for i in range(len(grid.piece)):
         for j in range(grid.dof):
             if first_rows[0][j] < 0 and first_rows[1][j] < 0:
                 continue
             _write_derivatives(grid, i, j, derivatives)
-            _write_products(basis, i, derivatives, powers)
+            _write_products(basis, i, degree, derivatives, powers)
             for kind in range(2):
                 first = first_rows[kind][j]
                 if first >= 0:
@@ -144,15 +202,18 @@ def _write_derivatives(grid: Intervals, i: int, j: int, out: FloatArray) -> None
 
 
 @compiled(inner=True)
-def _write_products(basis: Basis, i: int, derivatives: FloatArray, powers: FloatArray) -> None:
+def _write_products(
+    basis: Basis, i: int, degree: int, derivatives: FloatArray, powers: FloatArray
+) -> None:
     """Write acceleration, and jerk divided by ds, for each control point of the cell.
 
+    - `degree`: degree of the joint path.
     - `derivatives`: from `_write_derivatives`.
     - `powers`: output, in powers of the part's fraction, (2, HIGHEST_DEGREE + 2, 3 control points).
     """
     powers[:] = 0.0
     for b in range(3):
-        for r in range(HIGHEST_DEGREE):
+        for r in range(degree):
             # q'' a and q''' a
             for n in range(3):
                 powers[0, r + n, b] += derivatives[1, r] * basis.square[i, b, n]
@@ -420,29 +481,10 @@ class MeshRows:
 
     def _speed_ceiling(self) -> FloatArray:
         """Bound the control points of ds² by the joint velocity limits, (n, 3)."""
-        limited = np.isfinite(self.speeds).any(axis=0)
-        if not limited.any():
-            return np.full((len(self.mesh.grid), 3), np.inf)
-        width = self.mesh.grid.width[:, None]
-        limit = self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
-        bulge = width**2 / 8 * third[:, limited]
-        # |q'| divided by its limit is below a line. The tangent of `1 / line²` is a lower bound of
-        # `1 / line²`.
-        first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
-        first = np.maximum(first / limit, 1e-150)
-        last = np.maximum(last / limit, 1e-150)
-        middle = (first + last) / 2
-        change = (last - first) / middle
-        level = 1 / np.maximum(first, last) ** 2
-        tangent = 1 / middle**2
-        steep = np.abs(change) > 1 - LEAST_TANGENT_SHARE
-        points = [
-            np.where(steep, level, tangent * (1 + change)),
-            np.where(steep, level, tangent),
-            np.where(steep, level, tangent * (1 - change)),
-        ]
-        return np.asarray(np.min(points, axis=2).T)
+        top = np.empty((len(self.mesh.grid), 3))
+        speed_ceiling(self.mesh.grid.width, slopes, third, self.speeds, top)
+        return top
 
     def _ceiling(self) -> FloatArray:
         """Return upper bounds of ds² at the start, middle and end of each part [m²/s²], (m, 3)."""
@@ -504,12 +546,11 @@ class MeshRows:
 
 
 def _localize(cells: _Cells, points: FloatArray) -> FloatArray:
-    """Convert rows that multiply a cell's control points to rows of the unknowns."""
-    cell, begin, end = cells
-    index = (cell,) + (None,) * (points.ndim - 2)
-    rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]
-    rows[..., 1] += points[..., 1]
-    return np.asarray(rows)
+    """Convert rows that multiply a cell's control points, (n, ..., 3), to rows of the unknowns."""
+    flat = kernel_array(points.reshape(len(points), -1, 3))
+    rows = np.empty(flat.shape)
+    localize(cells, flat, rows)
+    return rows.reshape(points.shape)
 
 
 def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:

@@ -36,7 +36,11 @@ from armcontour.planning.topp.plan_rules import (
     PlanArrays,
     Rules,
 )
-from armcontour.planning.topp.reachability_passes import PassSquares, backward_forward_pass
+from armcontour.planning.topp.reachability_passes import (
+    Passes,
+    backward_forward_pass,
+    make_passes,
+)
 
 # Relative tolerance of x at the start and the end of the path.
 END_SQUARE_TOLERANCE = 1e-7
@@ -247,7 +251,7 @@ class _Work(NamedTuple):
     width: FloatArray  # Lengths of the intervals [m], (n,)
     bounds: MotionBounds
     lines: LimitLines
-    squares: PassSquares
+    passes: Passes
     changed: BoolArray  # True for intervals whose limits the next pass writes anew, (n,)
 
 
@@ -304,7 +308,7 @@ def _find_plan(
         found, tries = _plan_with_friction(grid, limits, rules, work, tries)
     if found.outcome != FOUND:
         return found
-    _choose_slopes(grid, limits, work.squares.cap, x, work.bounds)
+    _choose_slopes(grid, limits, work.passes.cap, x, work.bounds)
     _bound_motion(work.width, x, rules, rules.headroom, work.bounds)
     found, tries = _plan_with_margins(grid, limits, rules, work, tries)
     if found.outcome == FOUND and has_friction:
@@ -314,14 +318,14 @@ def _find_plan(
 
 @compiled(inner=True, allocates=True)
 def _make_work(grid: Intervals, limits: GridLimits, arrays: PlanArrays) -> _Work:
-    """Make the arrays; those of the plan are `work.squares.x`, `work.bounds.k`, `lines.lost`."""
+    """Make the arrays; those of the plan are `work.passes.x`, `work.bounds.k`, `lines.lost`."""
     n = len(grid.piece)
     width = np.empty(n)
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     bounds = MotionBounds(np.zeros(n), np.zeros(n), np.zeros(n), arrays.k)
-    squares = PassSquares(np.empty(n + 1), np.empty(n + 1), arrays.x)
-    return _Work(width, bounds, make_lines(limits, arrays.lost), squares, np.ones(n, np.bool_))
+    lines = make_lines(limits, arrays.lost)
+    return _Work(width, bounds, lines, make_passes(arrays.x), np.ones(n, np.bool_))
 
 
 @compiled(inner=True, allocates=True)
@@ -344,7 +348,7 @@ def _plan_with_friction(
     """
     found = PlanOutcome(FOUND, -1, 0.0)
     for _ in range(min(rules.tangents, tries)):
-        if _linearize_friction(work.squares.x, work.bounds, rules.near):
+        if _linearize_friction(work.passes.x, work.bounds, rules.near):
             break
         found = _run_passes(grid, limits, rules, work, False)
         tries -= 1
@@ -362,7 +366,7 @@ def _plan_with_margins(
     Then the margins suffice. Slopes are set to zero where margins are too large; without slopes,
     the outcome is FINER. Returns the outcome and the remaining tries.
     """
-    x = work.squares.x
+    x = work.passes.x
     lost = work.lines.lost
     has_friction = limits.friction.within.shape[1] > 0
     work.changed[:] = True
@@ -374,6 +378,9 @@ def _plan_with_margins(
         if lost[worst] > rules.max_margin:
             largest_kept = max(rules.max_margin, rules.steady)
             if _drop_slopes(work.bounds, lost, largest_kept, work.changed):
+                if found.outcome != FOUND:
+                    # Passes without a plan left nothing that the next passes can keep.
+                    work.changed[:] = True
                 continue
             return PlanOutcome(FINER, worst, 0.0), remaining
         if found.outcome != FOUND:
@@ -396,7 +403,7 @@ def _shorten_plan(
 
     Friction is linearized between the bounds of x, so tighter bounds allow a faster plan.
     """
-    x = work.squares.x
+    x = work.passes.x
     k = work.bounds.k
     lost = work.lines.lost
     shortest = math.inf
@@ -429,9 +436,9 @@ def _run_passes(
     """Run a backward and a forward pass, with or without margins; return whether x is a plan."""
     n = len(grid.piece)
     state = work.changed, margins
-    reachable = work.squares.reachable
-    last = work.squares.x
-    stuck = backward_forward_pass(grid, limits, work.bounds, state, work.lines, rules, work.squares)
+    reachable = work.passes.reachable
+    last = work.passes.x
+    stuck = backward_forward_pass(grid, limits, work.bounds, state, work.lines, rules, work.passes)
     if stuck >= n:
         return PlanOutcome(UNLIMITED, stuck - n, 0.0)
     smallest_start = rules.start * (1 - END_SQUARE_TOLERANCE)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
-from armcontour.core.simd import LANES, higher, highest, load, lower, lowest
+from armcontour.core.simd import LANES, choose, higher, highest, load, lower, lowest
 from armcontour.planning.topp.friction_rows import MIN_DIVISOR
 from armcontour.planning.topp.limit_forms import GridLimits, Intervals, MotionBounds
 from armcontour.planning.topp.limit_lines import INSIDE_FACTOR, LimitLines, write_interval_limits
@@ -26,14 +26,41 @@ FAR_STEP_ROUNDING = 1e-12
 RANGE_ROUNDING = 1e-9
 # Newton steps to the largest x of an interval.
 MAX_NEWTON_STEPS = 100
+# Numbers of the lanes of a vector.
+LANE_NUMBERS = np.arange(float(LANES))
+# A number above them, for a lane that is not chosen.
+NO_LANE = float(LANES)
 
 
-class PassSquares(NamedTuple):
-    """Results of a backward and a forward pass: ds² at the grid points [m²/s²], (n + 1,) each."""
+class Passes(NamedTuple):
+    """Results of a backward and a forward pass, which the next passes change in place.
+
+    The first three are ds² at the grid points [m²/s²], (n + 1,) each.
+    """
 
     cap: FloatArray  # The smaller of the caps on both sides of a point
     reachable: FloatArray  # Largest value from which the end can be reached
     x: FloatArray  # The plan
+    largest_mean: FloatArray  # Largest mean u on each interval from the reachable value, (n,)
+    # Line of each interval that limits the mean u from below; negative if none, (n,)
+    below: IntArray
+    # True for intervals that the backward pass has computed again, because their limits or what
+    # lies behind them have changed, (n,)
+    renewed: BoolArray
+
+
+@compiled(inner=True, allocates=True)
+def make_passes(x: FloatArray) -> Passes:
+    """Make the arrays of the passes, before the first one; `x` is the array of the plan."""
+    n = len(x) - 1
+    return Passes(
+        np.empty(n + 1),
+        np.empty(n + 1),
+        x,
+        np.empty(n),
+        np.empty(n, np.intp),
+        np.empty(n, np.bool_),
+    )
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -85,22 +112,28 @@ def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
     table = lines.table
     count = lines.width
     slot = i & (len(lines.slot_interval) - 1)
+    first = 3 * count * slot
     low = -math.inf
     high = math.inf
+    low_tilt = 0.0
+    high_tilt = 0.0
     below = -1
-    above = -1
-    for k in range(3 * count * slot, 3 * count * slot + count):
-        moved = table[k] * x
-        bottom = table[k + count] - moved
-        top = table[k + 2 * count] - moved
-        if top < high:
-            high = top
-            above = k
+    numbers = load(LANE_NUMBERS, 0)
+    for line in range(first, first + count, LANES):
+        tilted = x * load(table, line)
+        bottoms = load(table, line + count) - tilted
+        tops = load(table, line + 2 * count) - tilted
+        bottom = highest(bottoms)
+        top = lowest(tops)
         if bottom > low:
             low = bottom
-            below = k
-    low_tilt = table[below] if below >= 0 else 0.0
-    high_tilt = table[above] if above >= 0 else 0.0
+            lane = int(lowest(choose(bottoms, low, NO_LANE, numbers)))
+            below = line - first + lane
+            low_tilt = table[line + lane]
+        if top < high:
+            high = top
+            lane = int(lowest(choose(high, tops, NO_LANE, numbers)))
+            high_tilt = table[line + lane]
     for k in range(lines.conics.shape[1]):
         p, q, d0, d1, d2 = lines.conics[slot, k]
         root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), MIN_DIVISOR))
@@ -114,7 +147,7 @@ def _mean_range_slopes(lines: LimitLines, i: int, x: float) -> _MeanRange:
             low = bottom
             low_tilt = p + tilt
             below = -1
-    return _MeanRange(low, high, low_tilt, high_tilt, below - 3 * count * slot)
+    return _MeanRange(low, high, low_tilt, high_tilt, below)
 
 
 @compiled(inner=True)
@@ -183,7 +216,7 @@ def _largest_start(
     return _Start(x, high, below, STUCK)
 
 
-@compiled(inner=True, allocates=True, fastmath=FUSED)
+@compiled(inner=True, fastmath=FUSED)
 def backward_forward_pass(
     grid: Intervals,
     limits: GridLimits,
@@ -191,7 +224,7 @@ def backward_forward_pass(
     state: tuple[BoolArray, bool],
     lines: LimitLines,
     rules: Rules,
-    squares: PassSquares,
+    passes: Passes,
 ) -> int:
     """Write the limits and the largest feasible x, by a backward and a forward pass.
 
@@ -201,14 +234,14 @@ def backward_forward_pass(
     Returns -1 if a plan was found, the index of an interval on which no motion is allowed, or n
     plus the index of an interval without limits.
 
-    - `state`: mask of the intervals whose limits have changed, (n,), and true for limits with
-      margins.
-    - `squares`: output.
+    - `state`: mask of the intervals whose limits have changed since the previous pass, (n,), and
+      true for limits with margins. If the previous pass found no plan, all must count as changed.
+    - `passes`: results of the previous pass, and output. Where neither the limits nor the
+      neighbouring values change, the previous results are kept, because they would be the same.
     """
-    largest_mean = np.empty(len(grid.piece))
-    stuck = _backward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+    stuck = _backward_pass(grid, limits, bounds, state, lines, rules, passes)
     if stuck < 0:
-        stuck = _forward_pass(grid, limits, bounds, state, lines, rules, squares, largest_mean)
+        stuck = _forward_pass(grid, limits, bounds, state, lines, rules, passes)
     return stuck
 
 
@@ -220,32 +253,43 @@ def _backward_pass(
     state: tuple[BoolArray, bool],
     lines: LimitLines,
     rules: Rules,
-    squares: PassSquares,
-    largest_mean: FloatArray,
+    passes: Passes,
 ) -> int:
-    """Write the largest x from which the end can be reached, and its largest mean u, (n,)."""
+    """Write the largest x from which the end can be reached, and its largest mean u."""
     changed, margins = state
-    cap, reachable, _ = squares
+    cap = passes.cap
+    reachable = passes.reachable
     n = len(grid.piece)
-    below = -1
     stuck = -1
     slots = len(lines.slot_interval) - 1
-    # A pass that is stuck does not limit x at the start.
-    reachable[0] = math.inf
+    # True if x at the end of the interval, or the line that limits u behind it, has changed
+    moved = False
     # The limits of interval i - 1 are computed one step early, to hide memory latency.
     for i in range(n, -1, -1):
+        renew = moved
+        if i < n:
+            renew |= changed[i]
+        if i > 0 and changed[i - 1]:
+            write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
+            renew = True
+        if i < n:
+            passes.renewed[i] = renew
+        if not renew:
+            continue
         # The ceiling of x at point i is the smaller one of both adjacent intervals.
         ceiling = math.inf
         if i > 0:
-            if changed[i - 1] or lines.slot_interval[(i - 1) & slots] != i - 1:
-                write_interval_limits(grid, limits, bounds, i - 1, margins, lines)
             ceiling = lines.cap[i - 1, 1]
         if i < n:
             ceiling = min(ceiling, lines.cap[i, 0])
         cap[i] = ceiling
         if i == n:
-            reachable[n] = min(rules.end, ceiling, LARGEST_X)
+            last = min(rules.end, ceiling, LARGEST_X)
+            moved = last != reachable[n]
+            reachable[n] = last
             continue
+        if lines.slot_interval[i & slots] != i:
+            write_interval_limits(grid, limits, bounds, i, margins, lines)
         # Once stuck, the pass only searches for an interval without limits.
         if stuck >= n:
             low, high = _mean_range(lines, i, 0.0)
@@ -255,12 +299,18 @@ def _backward_pass(
         if stuck >= 0:
             continue
         w = grid.s[i + 1] - grid.s[i]
+        below = passes.below[i + 1] if i < n - 1 else -1
         start = _largest_start(lines, i, w, min(ceiling, LARGEST_X), reachable[i + 1], below)
+        moved = start.x != reachable[i] or start.below != passes.below[i]
         reachable[i] = start.x
-        largest_mean[i] = start.mean
-        below = start.below
+        passes.largest_mean[i] = start.mean
+        passes.below[i] = start.below
         if start.outcome != FOUND:
             stuck = i if start.outcome == STUCK else n + i
+            moved = True
+            if i > 0:
+                # A pass that is stuck does not limit x at the start.
+                reachable[0] = math.inf
     return stuck
 
 
@@ -272,19 +322,26 @@ def _forward_pass(
     state: tuple[BoolArray, bool],
     lines: LimitLines,
     rules: Rules,
-    squares: PassSquares,
-    largest_mean: FloatArray,
+    passes: Passes,
 ) -> int:
     """Write the largest x that can be reached from the start, at most the reachable one."""
     _, margins = state
-    _, reachable, x = squares
+    reachable = passes.reachable
+    x = passes.x
     slots = len(lines.slot_interval) - 1
-    x[0] = min(rules.start, reachable[0])
-    if rules.start == math.inf:
-        x[0] = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
+    # True if x at the start of the interval has changed
+    moved = False
+    if passes.renewed[0]:
+        first = min(rules.start, reachable[0])
+        if rules.start == math.inf:
+            first = _fastest_start(lines, grid.s[1] - grid.s[0], reachable)
+        moved = first != x[0]
+        x[0] = first
     for i in range(len(grid.piece)):
+        if not (moved or passes.renewed[i]):
+            continue
         w = grid.s[i + 1] - grid.s[i]
-        mean = largest_mean[i]
+        mean = passes.largest_mean[i]
         if x[i] < reachable[i]:
             if lines.slot_interval[i & slots] != i:
                 write_interval_limits(grid, limits, bounds, i, margins, lines)
@@ -293,5 +350,7 @@ def _forward_pass(
             mean = min(high, (reachable[i + 1] - x[i]) * steep)
             if low > mean + RANGE_ROUNDING * (abs(low) + abs(mean) + reachable[i + 1] * steep):
                 return i
-        x[i + 1] = min(max(x[i] + 2 * w * mean, 0.0), reachable[i + 1])
+        last = min(max(x[i] + 2 * w * mean, 0.0), reachable[i + 1])
+        moved = last != x[i + 1]
+        x[i + 1] = last
     return -1

@@ -16,11 +16,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.core.sampled_data import spread_indices
-from armcontour.geometry import Path
-from armcontour.planning.tracing.knots import (
-    Knots,
-    row_of_poses,
-)
+from armcontour.planning.tracing.path_samples import PathSamples
 from armcontour.planning.tracing.positioner_tilt import (
     angles_to_gravity,
     check_fixed_tilt,
@@ -35,7 +31,7 @@ from armcontour.planning.tracing.smoothing import (
     smooth,
     smooth_in_levels,
 )
-from armcontour.planning.tracing.stations import Stations, choose_stations
+from armcontour.planning.tracing.stations import Stations
 from armcontour.robot import SerialArm, pose_solver
 from armcontour.robot.arm import shift_by_turns
 from armcontour.robot.inverse_kinematics import configurations
@@ -71,8 +67,6 @@ ROUGH_KNOTS = 70
 # Number of best-ranked redundant solutions that are smoothed completely; more are smoothed only if
 # none of these succeeds.
 MAX_SMOOTHED = 16
-# Largest turn of the path over a chord along which solutions are followed [rad].
-CHORD_TURN = 0.1
 # Largest number of whole turns by which a joint that is out of its range is shifted
 MAX_TURNS = 5
 
@@ -88,34 +82,27 @@ class Solution:
 
 
 def find_solutions(
-    path: Path,
-    arm: SerialArm,
-    knots: Knots,
-    knot_poses: FloatArray,
-    task: int,
-    seed: FloatArray | None,
+    samples: PathSamples, arm: SerialArm, task: int, seed: FloatArray | None
 ) -> list[Solution]:
     """Find the solutions that complete the path inside the joint ranges, the shortest first.
 
-    - `knot_poses`: tool poses at the starts of the knot intervals and at the end of the last one,
-      (n + 1, 3, 4).
+    - `samples`: the path and its knots.
     - `seed`: approximate joint positions at the start of the path [rad], (dof,); None for all
       configurations.
     """
-    fine, knot_index = subdivide(path, knots, knot_poses)
-    poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
+    path = samples.path
+    poses = samples.followed
     # No posture of the arm changes this angle, so it is the reason before any other.
-    s = np.append(fine.s0, path.length)
-    check_fixed_tilt(arm, s, poses)
+    check_fixed_tilt(arm, np.append(samples.fine.s0, path.length), poses)
     starts = None if seed is None else configurations(arm, poses[0], task, seed)
     collected = _Solutions(
         arm=arm,
-        s=s[knot_index],
-        poses=knot_poses,
+        s=samples.s,
+        poses=samples.poses,
         task=task,
         seed=seed,
-        stations=choose_stations(path, knots, knot_poses),
-        knot_index=knot_index,
+        stations=samples.stations,
+        knot_index=samples.knot_index,
     )
     redundant = task < arm.dof
     # The whole path decides on the postures of a cell. An arm without external axes has little
@@ -131,13 +118,12 @@ def find_solutions(
             # Starts that turn the tool down come first.
             starts = starts[np.argsort(angles_to_gravity(arm, starts), kind="stable")]
         collected.follow(poses, starts[:MAX_STARTS])
-    no_solution = redundant and not collected.solutions
-    if no_solution and arm.dof == ARM_JOINTS and has_graph(arm):
+    if redundant and not collected.solutions and arm.dof == ARM_JOINTS and has_graph(arm):
         collected.search(None if seed is None else starts)
     solutions = collected.solutions
     if not solutions:
         farthest = max(collected.failures, key=lambda x: x.reached)
-        refuse_path(path, arm, fine, poses, task, farthest)
+        refuse_path(path, arm, samples.fine, poses, task, farthest)
     # Solutions with the elbow up and down often have equal cost. The solution whose joints start
     # closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
@@ -222,7 +208,7 @@ def _with_costs(
             start_stays=seed is not None,
         )
         if len(index) == len(s):
-            # A short path has a station at each knot.
+            # Every knot is a station, so there is nothing to interpolate.
             yield from smoothed
             continue
         for q, (changed, cost) in zip(group, smoothed, strict=True):
@@ -342,7 +328,8 @@ class _DistinctSolutions:
         self.poses = poses
         self.task = task
         self._known: list[FloatArray] = []
-        # Null spaces of known solutions at a few knots, and at all knots for close comparisons
+        # Null spaces of known solutions at a few knots, and at all knots for close comparisons.
+        # They are computed when another solution is compared.
         self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
 
@@ -356,8 +343,10 @@ class _DistinctSolutions:
             if any(np.abs(q - x).max() < SAME_SOLUTION for x in self._known):
                 return False
         else:
-            few = self._few
             if self._known:
+                few = self._few
+                for x in self._known[len(self._rough) :]:
+                    self._rough.append(null_space(self.arm, self.poses[few], self.task, x[few]))
                 # `_is_known` accepts at most SAME_SOLUTION times half a turn, pi, so only solutions
                 # within this distance are compared exactly.
                 apart = q[few] - np.array([x[few] for x in self._known])
@@ -366,7 +355,6 @@ class _DistinctSolutions:
                 near = outside < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
                     return False
-            self._rough.append(null_space(self.arm, self.poses[few], self.task, q[few]))
         self._known.append(q)
         return True
 
@@ -392,25 +380,6 @@ def _outside_null_space(
     wrapped = np.where(slides, difference, np.pi - np.mod(np.pi - difference, 2 * np.pi))
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
-
-
-def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
-    """Divide knot intervals into subintervals whose chords are close to the path.
-
-    Returns the subintervals, and the index of each given knot among the knots of the subintervals.
-
-    `poses` are the tool poses at the starts of the intervals and at the end of the last one, (n +
-    1, 3, 4).
-    """
-    width = knots.u1 - knots.u0
-    turn = width * path.curvatures[knots.segment]
-    if path.orientation is not None and not path.orientation.constant:
-        axes = poses[:, :, :3]
-        turned = np.linalg.norm(axes[1:] - axes[:-1], axis=(1, 2)) / np.sqrt(2)
-        turn = np.maximum(turn, turned)
-    if turn.max() <= CHORD_TURN:
-        return knots, np.arange(len(knots) + 1)
-    return knots.cut(np.maximum(1, np.ceil(turn / CHORD_TURN)).astype(np.intp))
 
 
 def joint_distance(arm: SerialArm, q: FloatArray) -> float:

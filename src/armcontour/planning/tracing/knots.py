@@ -239,7 +239,10 @@ def _bends_out_of_plane(path: Path, s: float) -> bool:
 def without_held(arm: SerialArm) -> tuple[SerialArm, IntArray]:
     """Return the arm without its held joints, and the indices of the other joints."""
     held = list(arm.chain.held)
-    return arm.without_held() if held else arm, np.setdiff1d(np.arange(arm.dof), held)
+    joints = np.arange(arm.dof)
+    if not held:
+        return arm, joints
+    return arm.without_held(), np.delete(joints, held)
 
 
 def suggest_remedy(path: Path | None) -> str:

@@ -31,6 +31,7 @@ from armcontour.planning.tracing.knots import (
     task_dimension,
     without_held,
 )
+from armcontour.planning.tracing.path_samples import PathSamples
 from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.smoothing import (
     guide_at_stations,
@@ -203,9 +204,9 @@ class _Solutions:
         self.moving, _ = without_held(arm)
         self.task = task_dimension(path, self.moving)
         self.knots = first_knots(path, arm.span, FINER)
-        poses = row_of_poses(base, self.knots)
+        self.samples = PathSamples(path=base, knots=self.knots)
         with numbered_as(arm):
-            self.solutions = find_solutions(base, self.moving, self.knots, poses, self.task, seed)
+            self.solutions = find_solutions(self.samples, self.moving, self.task, seed)
 
     def attempts(self, refine: Refine) -> Iterator[Attempt]:
         """Yield functions that trace along the base, and functions that lean inside the cone."""
@@ -218,11 +219,10 @@ class _Solutions:
 
     def _follow_base(self, solution: Solution, refine: Refine) -> JointPath:
         """Trace along the base with its tool axis."""
-        poses = row_of_poses(self.base, self.knots)
         q = solution.q
         guide = None
         if self.task < self.moving.dof:
-            guide = guide_at_stations(self.base, self.moving, self.knots, poses, self.task, q)
+            guide = guide_at_stations(self.samples, self.moving, self.task, q)
         traced = refine(self.base, self.knots, q, self.task, guide)
         return replace(traced, tool_path=self.path)
 

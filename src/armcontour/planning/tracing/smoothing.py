@@ -9,11 +9,10 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.quintics import solve_banded
-from armcontour.geometry import Path
 from armcontour.planning.tracing.guide import Guide
-from armcontour.planning.tracing.knots import Knots
+from armcontour.planning.tracing.path_samples import PathSamples
 from armcontour.planning.tracing.posture_cost import PostureCost
-from armcontour.planning.tracing.stations import Stations, choose_stations
+from armcontour.planning.tracing.stations import Stations
 from armcontour.robot import SerialArm, pose_solver
 
 # Largest change of a joint position at which smoothing ends [rad].
@@ -45,17 +44,14 @@ def guide_rows(arm: SerialArm, w: FloatArray) -> FloatArray:
     return np.ascontiguousarray(np.swapaxes(np.linalg.qr(columns)[0], 1, 2))
 
 
-def guide_at_stations(
-    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, task: int, q: FloatArray
-) -> Guide:
+def guide_at_stations(samples: PathSamples, arm: SerialArm, task: int, q: FloatArray) -> Guide:
     """Make the guide through joint positions at the stations among the knots of a path.
 
-    - `poses`: tool poses at the knots, (n + 1, 3, 4).
     - `q`: joint positions at the knots [rad], (n + 1, dof).
     """
-    index = choose_stations(path, knots, poses).index
-    rows = null_space(arm, np.ascontiguousarray(poses[index]), task, q[index])
-    return Guide.through(np.append(knots.s0, path.length)[index], q[index], rows, path.stops)
+    index = samples.stations.index
+    rows = null_space(arm, np.ascontiguousarray(samples.poses[index]), task, q[index])
+    return Guide.through(samples.s[index], q[index], rows, samples.path.stops)
 
 
 def move_to_poses(

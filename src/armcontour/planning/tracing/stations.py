@@ -99,9 +99,12 @@ def _spread(path: Path, s: FloatArray, measure: FloatArray, count: int) -> IntAr
     gap = SMALLEST_GAP * path.length
     ends = s[fixed]
     following = ends[np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)]
+    far_from_end = fixed | (following - s >= gap)
+    if far_from_end[wanted].all() and (np.diff(s[wanted]) >= gap).all():
+        return wanted
     chosen = [0]
     for i in wanted[1:].tolist():
-        has_gap = s[i] - s[chosen[-1]] >= gap and following[i] - s[i] >= gap
+        has_gap = s[i] - s[chosen[-1]] >= gap and far_from_end[i]
         if fixed[i] or has_gap:
             chosen.append(i)
     return np.array(chosen)

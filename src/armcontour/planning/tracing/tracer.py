@@ -42,6 +42,7 @@ from armcontour.planning.tracing.knots import (
     without_held,
 )
 from armcontour.planning.tracing.parallel_joints import check_held, turn_as_tool
+from armcontour.planning.tracing.path_samples import CHORD_TURN, PathSamples, sample_path
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
 from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
@@ -480,7 +481,7 @@ def sketch_all(
     path = turn_as_tool(path, moving)
     knots = first_knots(path, arm.span)
     few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
-    solutions = find_solutions(path, moving, few, row_of_poses(path, few), task, None)
+    solutions = find_solutions(PathSamples(path=path, knots=few), moving, task, None)
     positions = np.zeros((len(solutions), len(few) + 1, arm.dof))
     positions[:, :, joints] = [x.q for x in solutions]
     positions[:, :, list(arm.chain.held)] = list(arm.chain.held.values())
@@ -512,8 +513,6 @@ def dimension_of(path: Path, arm: SerialArm, moving: SerialArm) -> int:
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     """Return indices of knots every `step` [m] or CHORD_TURN of rotation, and of the last knot."""
-    from armcontour.planning.tracing.branch_solutions import CHORD_TURN
-
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
     steps_done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
     begins_step = np.diff(np.floor(steps_done), prepend=-1.0) > 0
@@ -689,7 +688,7 @@ def _trace_near(
     if leaning and leans(path, moving, poses, q):
         refine_near = partial(_refine_guided, arm, TRACING_TOLERANCE)
         return trace_leaning(path, arm, knots, q, knot, refine_near)
-    return _refine_solution(path, arm, knots, poses, q)
+    return _refine_solution(path, arm, PathSamples(path=path, knots=knots), q)
 
 
 def _trace_planar(
@@ -754,25 +753,24 @@ def _trace_postures(
 
     moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
-    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
-    poses = row_of_poses(turned, knots)
-    s = np.append(knots.s0, path.length)
+    samples = sample_path(turned, arm.span, FINER if task < moving.dof else 1)
+    s = samples.s
     guesses = np.empty((len(postures.q), len(s), moving.dof))
     for k, known in enumerate(postures.q):
         guesses[k] = np.column_stack([np.interp(s, postures.s, x) for x in known.T])
-    q, fits = move_to_poses(moving, poses, task, guesses)
+    q, fits = move_to_poses(moving, samples.poses, task, guesses)
     tries = []
     for near in q[fits]:
-        trace_near = partial(_refine_in_cone, path, arm, knots, poses, near, tolerance)
+        trace_near = partial(_refine_in_cone, path, arm, samples, near, tolerance)
         tries.append((trace_near, joint_distance(moving, near)))
     return sorted(tries, key=lambda x: x[1])
 
 
 def _refine_in_cone(
-    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, q: FloatArray, tolerance: float
+    path: Path, arm: SerialArm, samples: PathSamples, q: FloatArray, tolerance: float
 ) -> JointPath:
     """Refine joint positions as `_refine_solution`, and check the cone of the tool axis."""
-    joint_path = _refine_solution(path, arm, knots, poses, q, tolerance)
+    joint_path = _refine_solution(path, arm, samples, q, tolerance)
     if cone_of(path) > 0.0:
         # The tool turns about one direction only, and differs from the required axis.
         check_cone(joint_path, arm, max(cone_of(path), REACHED_ANGLE))
@@ -796,14 +794,12 @@ def _trace_exactly(
 
     moving, _ = without_held(arm)
     turned = turn_as_tool(path, moving)
-    knots = first_knots(turned, arm.span, FINER if task < moving.dof else 1)
-    poses = row_of_poses(turned, knots)
-
+    samples = sample_path(turned, arm.span, FINER if task < moving.dof else 1)
     with numbered_as(arm):
-        solutions = find_solutions(turned, moving, knots, poses, task, seed)
+        solutions = find_solutions(samples, moving, task, seed)
     tries = []
     for x in solutions:
-        trace_near = partial(_refine_in_cone, path, arm, knots, poses, x.q, tolerance)
+        trace_near = partial(_refine_in_cone, path, arm, samples, x.q, tolerance)
         tries.append((trace_near, x.cost))
     return _complete(tries, max_count)
 
@@ -811,16 +807,14 @@ def _trace_exactly(
 def _refine_solution(
     path: Path,
     arm: SerialArm,
-    knots: Knots,
-    poses: FloatArray,
+    samples: PathSamples,
     q: FloatArray,
     tolerance: float = TRACING_TOLERANCE,
 ) -> JointPath:
     """Refine joint positions at knots to a joint path, and check it against the joint ranges.
 
-    - `poses`: tool poses at the starts of the knot intervals and at the end of the last one, (n +
-      1, 3, 4).
-    - `q`: positions at the same knots of the joints that are not held [rad], (n + 1, joints).
+    - `samples`: the knots of the path, with the orientation that the tool has.
+    - `q`: positions at these knots of the joints that are not held [rad], (n + 1, joints).
     - `tolerance`: largest distance of the tool from the path between knots [m].
     """
     from armcontour.planning.tracing.smoothing import guide_at_stations
@@ -829,8 +823,8 @@ def _refine_solution(
     task = dimension_of(path, arm, moving)
     guide = None
     if task < moving.dof:
-        guide = guide_at_stations(path, moving, knots, poses, task, q)
-    return _refine_guided(arm, tolerance, path, knots, q, task, guide)
+        guide = guide_at_stations(samples, moving, task, q)
+    return _refine_guided(arm, tolerance, path, samples.knots, q, task, guide)
 
 
 def _refine_guided(

@@ -11,11 +11,11 @@ import {
 /** @typedef {{head: any, arrays: Record<string, any>}} Frame one of the frames `arm` and `picture` */
 /** @typedef {{points: ArrayLike<number>, breaks?: ArrayLike<number>, thin?: boolean, colours: (piece: number) => string}} Lines in the work frame [m] */
 /** @typedef {"light" | "dark"} Theme */
-/** @typedef {{name: string, solid: Mesh, kind: string}} Solid */
+/** @typedef {{name: string, solid: Mesh, kind: string, link: number, lines?: LineSegments}} Solid */
 /** @typedef {{link: number, points: Vector3[]}} Corners of a body, in the frame of its link [m] */
 
 /** Directions from which the views look: azimuth and elevation [rad]. */
-const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Cell: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Side: [0, 0.05] });
+const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.75], Cell: [-0.7, 0.45], Top: [-Math.PI / 2, 1.5], Front: [-Math.PI / 2, 0.05], Side: [0, 0.05] });
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
@@ -176,6 +176,11 @@ export class Viewer {
     for (const x of this.bar.children) x.ariaPressed = String(x.textContent === view);
   }
 
+  /** Names of the views. */
+  get views() {
+    return Object.keys(VIEWS);
+  }
+
   /** @param {string} view */
   button(view) {
     const found = Object.assign(document.createElement("button"), { type: "button", textContent: view, ariaPressed: "false" });
@@ -268,7 +273,7 @@ export class Viewer {
       setMatrix(x, poseOf(at));
       this.groups[link].add(x);
     }
-    this.solids.push({ name, solid, kind });
+    this.solids.push({ name, solid, kind, link, lines: edges });
   }
 
   /** @param {string} name of a colour */
@@ -367,7 +372,7 @@ export class Viewer {
       const solid = new Mesh(toCreasedNormals(shape, 0.55), this.material("part"));
       solid.castShadow = true;
       solid.receiveShadow = true;
-      this.modelSolids.push({ name, solid, kind: "part" });
+      this.modelSolids.push({ name, solid, kind: "part", link: -1 });
       this.model.add(solid);
     });
     const lines = new BufferGeometry().setAttribute("position", new BufferAttribute(segmentsOf(points, breaks), 3));
@@ -437,6 +442,34 @@ export class Viewer {
     this.alarmed = alarmed;
     for (const { name, solid, kind } of this.solids) solid.material = this.material(names.includes(name) ? "alarm" : kind);
     this.draw();
+  }
+
+  /** Place a body that is dragged. @param {string} name @param {Matrix4} pose in the frame of the floor */
+  placeBody(name, pose) {
+    const found = this.solids.find((x) => x.name === name && x.link >= 0);
+    if (!found) return;
+    const inLink = this.groups[found.link].matrix.clone().invert().multiply(pose);
+    for (const x of [found.solid, found.lines]) if (x) setMatrix(x, inLink);
+    this.renderer.shadowMap.needsUpdate = true;
+    this.draw();
+  }
+
+  /** Return points of the floor's frame on the canvas [px], as pairs; NaN behind the eye. @param {Vector3[]} points */
+  toScreen(points) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    this.eye.updateMatrixWorld();
+    return points.map((point) => {
+      const { x, y, z } = point.clone().project(this.eye);
+      return z > 1 ? [NaN, NaN] : [((1 + x) / 2) * width, ((1 - y) / 2) * height];
+    });
+  }
+
+  /** Return the ray through a point of the canvas, in the floor's frame. @param {number} x px @param {number} y px @returns {{from: Vector3, along: Vector3}} `along` has length 1 */
+  rayAt(x, y) {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    this.eye.updateMatrixWorld();
+    const along = new Vector3((2 * x) / width - 1, 1 - (2 * y) / height, 0.5).unproject(this.eye).sub(this.eye.position).normalize();
+    return { from: this.eye.position.clone(), along };
   }
 
   /** Show a posture. @param {ArrayLike<number>} q joint positions [rad] @returns {number[]} tool position in the base frame [m] */

@@ -13,7 +13,8 @@ from armcontour.core.text import show
 from armcontour.files.job_text_edits import Change
 from armcontour.studio.edits.edges import pick, unpick
 from armcontour.studio.edits.keys import add_run, order_contours, set_value, unset_value
-from armcontour.studio.edits.layout import obstacle, place, tilt
+from armcontour.studio.edits.layout import place, tilt
+from armcontour.studio.edits.obstacles import allow, obstacle
 from armcontour.studio.edits.waypoints import (
     draw,
     insert_waypoint,
@@ -56,6 +57,7 @@ EDITS: dict[Any, EditFunction] = {
     "remove_waypoint": remove_waypoint,
     "place": place,
     "obstacle": obstacle,
+    "allow": allow,
     "draw": draw,
     "pick": pick,
     "unpick": unpick,

@@ -1,9 +1,9 @@
-"""Edits of the part frame, the tool tilt and the obstacles."""
+"""Edits of the part frame and the tool tilt."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,13 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import exp, quaternions, shortest, to_rpy
 from armcontour.core.quantities import Quantity, read_quantity, write_like
+from armcontour.core.render import number
 from armcontour.core.text import Keys, plain_number
 from armcontour.files.file_keys import in_si, read_keys
 from armcontour.files.job_model import FrameModel, OrientationModel
 from armcontour.files.job_text_edits import Change, value_at
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
-from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import ANGLE, EXACT, LENGTH, EditState, Handles, uv_of
 
 # Maximum rounding error of written angles [rad].
@@ -31,15 +31,25 @@ DECIMALS = 9
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Return the changes that move the part by `by` and rotate it about `about` (its centre)."""
+    """Return the changes that move the part by `by` and `rise`, and rotate it about `about`.
+
+    `by` is a displacement in the picture [m], `rise` one along the normal of the picture [m]. By
+    default the part rotates about its centre.
+    """
     plane = state.handles.plane
     frame = state.handles.frame
     by = uv_of("by", edit.get("by", [0, 0]))
+    rise = checks.check_number("rise", edit.get("rise", 0.0), "m")
+    if rise != 0 and state.handles.job.arm.dimension == 2:
+        raise InvalidInput(
+            f"rise must be 0, because a planar arm has no height, but is {number(rise, 'm')}."
+        )
     about = uv_of("about", edit.get("about", state.handles.centre))
     turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
     turned = exp(turn * plane.normal)
     pivot = plane.lift(about)
-    position = pivot + turned @ (frame.position - pivot) + plane.lift(by) - plane.origin
+    shift = plane.lift(by) - plane.origin + rise * plane.normal
+    position = pivot + turned @ (frame.position - pivot) + shift
     frame_data = value_at(state.data, ("path", "frame")) or {}
     keys: Keys = ("path", "frame", "position")
     moved = _vector(keys, position, frame.position, frame_data, LENGTH, EXACT)
@@ -148,38 +158,3 @@ def _degrees(name: str, value: Any) -> float:
         return read_quantity(text, ANGLE)
     except ValueError as error:
         raise InvalidInput(f"The tilt ({name}) {error}.") from None
-
-
-def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Return the changes that add, change or remove an obstacle."""
-    action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
-    keys: Keys = ("scene", "obstacles")
-    bodies = value_at(state.data, keys) or []
-    if action == "add":
-        name = _free_name(edit.get("name") or edit["type"], bodies)
-        new = {"type": edit["type"], "name": name, **_body(edit)}
-        index = len(bodies)
-        values = {key: format_value(x, None, (*keys, index, key)) for key, x in new.items()}
-        return [Change((*keys, index), values, insert=True)]
-    index = checks.check_int("number of the obstacle", edit["index"], 0, len(bodies) - 1)
-    if action == "remove":
-        return [Change((*keys, index) if len(bodies) > 1 else keys)]
-    fresh = {"name": edit["name"]} if "name" in edit else {}
-    return [
-        Change((*keys, index, key), format_value(x, bodies[index].get(key), (*keys, index, key)))
-        for key, x in {**fresh, **_body(edit)}.items()
-    ]
-
-
-def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the body's keys in an edit, such as its size and pose."""
-    return {
-        key: x for key, x in edit.items() if key not in ("do", "action", "type", "index", "name")
-    }
-
-
-def _free_name(name: str, bodies: Iterable[Mapping[str, Any]]) -> str:
-    """Return a name that no body has: the name itself, or the name with a number from 2."""
-    used_names = {x.get("name") for x in bodies}
-    numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(used_names) + 2))
-    return next(x for x in numbered if x not in used_names)

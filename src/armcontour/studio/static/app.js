@@ -7,7 +7,7 @@ import { View2d } from "./view2d.js";
 
 /** Regions, in the order in which they receive events. */
 const REGIONS = [
-  "messages", "theme", "dock", "header", "steps", "figures", "contours", "viewbar", "pen", "markers", "form", "files", "start_page", "keyboard",
+  "messages", "collision", "theme", "dock", "header", "steps", "figures", "contours", "tool_strip", "placing", "measure", "viewbar", "pen", "markers", "form", "files", "start_page", "keyboard",
   "obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "touches", "tasks",
 ];
 const modules = await Promise.all(REGIONS.map((name) => import(`./${name}.js`)));

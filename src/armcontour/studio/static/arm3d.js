@@ -1,13 +1,18 @@
 // 3D view of the arm in its cell at the posture of the shown time.
 
+import { alarmedBodies, contactAt, contactsOf } from "./collision.js";
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
-import { find, make, say } from "./dom.js";
+import { draw, find, make, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
 import { short, textOf } from "./format.js";
 import { comparedExecution, motionOf, shownMotion } from "./motion.js";
 import { kindAt, largest, PieceGrid, scaleOf, startsOf } from "./polylines.js";
+import { measureOf, modelShapes, obstacleShapes } from "./measure.js";
+import { placingOf } from "./placing.js";
 import { along, indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
+import { shownText } from "./units.js";
+import { apply, compose, inverse, poseOfColumns } from "./vectors.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -28,7 +33,9 @@ const NOTE = 44; // px
 export function init(store, link) {
   const view = new ArmView(find("#view3d"), store, link);
   for (const event of ["picture", "executed", "theme", "arm", "model", "document", "view"]) store.on(event, () => view.outdate(event));
-  for (const event of ["time", "layout", "refusal", "figures", "touched"]) store.on(event, view.draw);
+  store.on("fit", () => view.look(""));
+  store.on("look", (/** @type {number} */ number) => view.look(view.viewer?.views[number - 1] ?? ""));
+  for (const event of ["time", "layout", "refusal", "figures", "touched", "placing"]) store.on(event, view.draw);
 }
 
 /** The 3D view. It draws only while it is visible and something changes. */
@@ -40,6 +47,10 @@ class ArmView {
     this.link = link;
     /** Picks edges; null until the viewer is loaded. @type {EdgeTool | null} */
     this.edgeTool = null;
+    /** Finds the body at a place. @type {typeof import("./surface.js").surfaceAt} */
+    this.surfaceAt = () => null;
+    /** View from which the next picture looks; null: as it is. @type {string | null} */
+    this.lookNext = null;
     /** The executed tool; null until the viewer is loaded. @type {import("./ghost.js").Ghost | null} */
     this.ghost = null;
     /** Document for which the tool was offered. */
@@ -79,8 +90,16 @@ class ArmView {
         this.listen(this.viewer.canvas);
         const tool = new EdgeTool(this.store, this.link, this.viewer, this.box);
         this.edgeTool = tool;
+        const [{ Gizmo }, { surfaceAt }] = await Promise.all([import("./gizmo.js"), import("./surface.js")]);
+        this.surfaceAt = surfaceAt;
+        const gizmo = new Gizmo(this.store, this.viewer, this.box);
+        this.addMeasure(this.viewer);
         this.ghost = new Ghost(this.viewer);
-        this.viewer.drawn = () => tool.draw();
+        this.viewer.drawn = () => {
+          tool.draw();
+          gizmo.draw();
+          measureOf().soon();
+        };
       }
     } catch (error) {
       console.error(error);
@@ -90,7 +109,31 @@ class ArmView {
     this.outdate("model");
   }
 
-  /** A click selects the contour at the pointer. @param {HTMLElement} canvas */
+  /** Measure in this view. @param {import("./viewer.js").Viewer} viewer */
+  addMeasure(viewer) {
+    const { store } = this;
+    const overlay = draw("svg", { class: "gizmo" });
+    this.box.append(overlay);
+    const work = () => poseOfColumns(viewer.work.elements);
+    const measure = measureOf();
+    measure.add(
+      {
+        name: "3d",
+        overlay,
+        see: (points) => pairsOf(viewer.project(points.flat())),
+        isShown: () => store.options.stage !== "2d",
+        shapes: () => [...measure.drawn.shapes, ...modelShapes(store), ...obstacleShapes(store, work())],
+        surface: (x, y) => {
+          const found = this.surfaceAt(viewer, x, y);
+          return found && apply(inverse(work()), found.point);
+        },
+      },
+      this.box,
+      viewer.canvas,
+    );
+  }
+
+  /** A click selects the contour or the obstacle at the pointer. @param {HTMLElement} canvas */
   listen(canvas) {
     let [x, y] = [0, 0];
     canvas.addEventListener("pointerdown", (event) => ([x, y] = [event.offsetX, event.offsetY]));
@@ -98,15 +141,33 @@ class ArmView {
       const { offsetX, offsetY } = event;
       const isClick = Math.hypot(offsetX - x, offsetY - y) <= CLICKED;
       if (isClick && this.edgeTool?.click(offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
-      const [picture, motion] = [this.store.latest("picture"), motionOf(this.store, "planned")];
-      if (!picture || !motion || !this.viewer || !isClick) return;
-      this.store.selectAt(new PieceGrid(this.viewer.project(motion.trail), startsOf(picture)).nearest(offsetX, offsetY, NEAR));
+      if (!isClick || measureOf().click("3d", offsetX, offsetY, /** @type {PointerEvent} */ (event).pointerType === "touch")) return;
+      this.select(offsetX, offsetY);
     });
+  }
+
+  /** Select the contour or the obstacle at a place. @param {number} x px @param {number} y px */
+  select(x, y) {
+    const { store, viewer } = this;
+    const [picture, motion] = [store.latest("picture"), motionOf(store, "planned")];
+    const piece = picture && motion && viewer ? new PieceGrid(viewer.project(motion.trail), startsOf(picture)).nearest(x, y, NEAR) : -1;
+    const name = piece < 0 && viewer ? this.surfaceAt(viewer, x, y)?.name : undefined;
+    const body = store.document?.obstacles.find((/** @type {any} */ found) => found.name === name);
+    // In front of a body on the part, a click belongs to the path.
+    const isMeant = body && body.type !== "halfspace" && (body.fixed_to !== "part" || store.options.tool === "obstacles");
+    if (isMeant) store.setView({ obstacle: body.index, contour: -1 });
+    else store.selectAt(piece);
   }
 
   /** Read a value from its frame again at the next draw. @param {string} what */
   outdate(what) {
     this.stale.add(what);
+    this.draw();
+  }
+
+  /** Look from a side. @param {string} name of the view; "" for all from where it is */
+  look(name) {
+    this.lookNext = name;
     this.draw();
   }
 
@@ -116,7 +177,8 @@ class ArmView {
     if (!document || document.id === this.offered) return;
     this.offered = document.id;
     const isNew = Boolean(document.model) && hasNoEdges(document.data.path);
-    if (isNew !== options.edges || isNew) this.store.setView({ edges: isNew, ...(isNew && options.stage === "2d" && { stage: "3d" }) });
+    if (isNew) this.store.setView({ tool: "edges", ...(options.stage === "2d" && { stage: "3d" }) });
+    else if (options.tool !== "select") this.store.setView({ tool: "select" });
   }
 
   drawNow() {
@@ -127,6 +189,8 @@ class ArmView {
     this.load(arm);
     this.read(arm);
     this.pose(arm);
+    if (this.lookNext !== null) this.viewer?.look(this.lookNext);
+    this.lookNext = null;
     this.describe();
   }
 
@@ -143,7 +207,7 @@ class ArmView {
       viewer?.setArm(arm);
       this.ghost?.readArm();
     }
-    if (placed) viewer?.placeModel(placed.at);
+    if (placed) this.placeModel(placed.at);
     this.region.dataset.model = viewer?.shownModel?.head.source ?? "";
     viewer?.setTransparent(store.options.transparent && placed !== null);
     if (stale.has("theme")) viewer?.setTheme(store.theme);
@@ -154,6 +218,12 @@ class ArmView {
       viewer?.setAxes(placed ? (picture?.arrays.tool_axes ?? []) : []);
     }
     stale.clear();
+  }
+
+  /** Place the model, also while the part is dragged. @param {number[][]} at its pose in the document */
+  placeModel(at) {
+    const motion = placingOf().partMotion;
+    this.viewer?.placeModel(motion ? compose(motion, at) : at);
   }
 
   /** The path with the colours of the drawing, and rapids. @param {Motion} motion @param {Frame} picture @returns {Lines[]} */
@@ -184,26 +254,29 @@ class ArmView {
   pose(arm) {
     const { motion, viewer, store } = this;
     const t = Math.min(store.time, motion?.duration ?? 0);
-    const q = motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0);
+    const contact = contactAt(store);
+    const q = contact?.q ?? (motion ? along(motion.t, motion.q, t, motion.dof) : arm.head.joints.map(() => 0));
     const refused = store.refusal?.head.at?.xyz ?? null;
     const tool = viewer?.setJoints(q) ?? [];
     // The executed motion has its own tool.
-    this.ghost?.show(motion?.of === "planned" ? comparedExecution(store) : null, t);
-    viewer?.mark(headOf(store).nearest?.points ?? null, refused);
+    this.ghost?.show(motion?.of === "planned" && !contact ? comparedExecution(store) : null, t);
+    viewer?.mark(contact?.points ?? headOf(store).nearest?.points ?? null, contact ? null : refused);
     viewer?.touch(store.touched?.xyz ?? []);
-    viewer?.alert(store.refusal?.head.bodies ?? []);
+    const alarmed = alarmedBodies(store);
+    viewer?.alert(alarmed);
     // A model without selected edges is shown alone, and stays in view while its edges are picked.
     const hasModel = Boolean(viewer?.shownModel);
-    const key = `${store.document?.id} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
+    // The arm and the bodies of a new job come after its motion.
+    const key = `${store.document?.id} ${arm.head.document} ${arm.head.name} ${hasModel || motion !== null} ${hasModel}`;
     if (viewer && key !== this.fitted) {
       this.fitted = key;
       // The buttons of the views, and the note, cover parts of the picture.
       viewer.covered = { top: viewer.bar.offsetTop + viewer.bar.offsetHeight, bottom: NOTE };
-      viewer.look(hasModel && store.options.edges ? "Part" : "Cell");
+      viewer.look(hasModel && store.options.tool === "edges" ? "Part" : "Cell");
     }
     this.told = {
       ghost: this.ghost?.factor ? this.ghost.tip.position.toArray().join(",") : "", magnify: String(this.ghost?.factor ?? 0),
-      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: (store.refusal?.head.bodies ?? []).join(","), pieces: String(viewer?.pieces ?? 0),
+      time: String(t), of: motion?.of ?? "none", joints: q.join(","), tool: tool.join(","), refused: refused?.join(",") ?? "", alarmed: alarmed.join(","), pieces: String(viewer?.pieces ?? 0),
     };
   }
 
@@ -217,6 +290,7 @@ class ArmView {
   noteText(motion) {
     if (this.problem) return this.problem;
     // Next to the drawing, the drawing or the messages show the sentence.
+    if (contactsOf(this.store).length > 0) return "";
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
     const { nearest, obstacle_t: near } = headOf(this.store);
     const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
@@ -224,9 +298,12 @@ class ArmView {
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";
     const { factor = 0, error = 0 } = this.ghost ?? {};
-    return factor ? `Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}` : "";
+    return factor ? shownText(`Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}`) : "";
   }
 }
+
+/** Return pairs of numbers. @param {Float32Array} numbers @returns {number[][]} */
+const pairsOf = (numbers) => Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]);
 
 /** Return whether no edge of a model is selected; a path without rules has all its edges. @param {any} path @returns {boolean} */
 const hasNoEdges = (path) => Array.isArray(path?.edges) && path.edges.length === 0;

@@ -145,7 +145,7 @@ function crosses(boxes, at, from, ray) {
 }
 
 /** Return the fraction of a ray at which it hits a triangle; -1 if it does not (Möller and Trumbore). @param {Numbers} p @param {number} i @param {number[]} from @param {number[]} ray @returns {number} */
-function hit(p, i, from, [dx, dy, dz]) {
+export function hit(p, i, from, [dx, dy, dz]) {
   const [ax, ay, az] = [p[i + 3] - p[i], p[i + 4] - p[i + 1], p[i + 5] - p[i + 2]];
   const [bx, by, bz] = [p[i + 6] - p[i], p[i + 7] - p[i + 1], p[i + 8] - p[i + 2]];
   const [hx, hy, hz] = [dy * bz - dz * by, dz * bx - dx * bz, dx * by - dy * bx];

@@ -59,7 +59,7 @@ export class EdgeTool {
   }
 
   get isOn() {
-    return this.store.options.edges && Boolean(this.model);
+    return this.store.options.tool === "edges" && Boolean(this.model);
   }
 
   /** Header of the frame `model`, if its edges are known. @returns {any} */
@@ -90,8 +90,10 @@ export class EdgeTool {
     });
     canvas.addEventListener("pointerleave", () => this.hover(-1));
     this.store.on("command", () => this.pick(-1));
-    window.addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && this.picked >= 0 && !event.defaultPrevented) this.pick(-1);
+    this.store.on("escape", (/** @type {{taken: boolean}} */ key) => {
+      if (this.picked < 0 || key.taken) return;
+      key.taken = true;
+      this.pick(-1);
     });
     this.turnByDrag();
     this.knob.addEventListener("keydown", (event) => {
@@ -247,7 +249,7 @@ export class EdgeTool {
     const { store } = this;
     const { model: placed } = store.document ?? {};
     const sentence = store.latest("model")?.head.sentence;
-    this.box.toggleAttribute("hidden", !placed || !(store.options.edges || sentence));
+    this.box.toggleAttribute("hidden", !placed || !(store.options.tool === "edges" || sentence));
     mark(this.box, "data-state", sentence ? "failed" : this.model ? "ready" : "reading");
     if (!placed || this.box.hasAttribute("hidden")) return;
     mark(this.box, "data-selected", String(placed.selected.length));

@@ -46,7 +46,7 @@ function remember(store) {
 function Figure({ name, row, seen, store, exact }) {
   const place = name === "kept" && PLACES.kept?.(store) === undefined ? undefined : PLACES[name];
   const isRefused = name === "kept" && store.refusal !== null;
-  const refused = store.refusal?.head.error === "Collision" ? "✗ collision" : "✗ refused";
+  const refused = store.refusal?.head.error === "Collision" ? "✗ COLLISION" : "✗ refused";
   const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
   const { accuracy } = store.document?.data ?? {};
   const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;

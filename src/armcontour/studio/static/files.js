@@ -56,6 +56,8 @@ class Files {
     if (file.size > LARGEST)
       return notify(`${file.name} has ${Math.round(file.size / 2 ** 20)} MB; at most 64 MB can be opened here.`, "alarm");
     if (!this.store.document) return notify("The Studio is starting: open the file in a moment.", "alarm");
+    // A mesh is an obstacle of the open job.
+    if (/\.(stl|obj)$/i.test(file.name)) return this.store.tell("mesh", file);
     const { drawings, cells } = await known;
     const isDrawing = drawings.some((/** @type {string} */ ending) => file.name.toLowerCase().endsWith(ending));
     log ??= await isLog(file);

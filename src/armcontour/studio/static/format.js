@@ -28,6 +28,9 @@ export const textOf = (row) => (row ? `${row.text} ${row.unit}`.trim() : NONE);
 /** Time. @param {number | null | undefined} s @returns {string} */
 export const seconds = (s) => fixed(s, 3);
 
+/** A time with its unit. @param {number} s @returns {string} */
+export const clockOf = (s) => `${short(s)} s`;
+
 /** A length. @param {number | null | undefined} m @param {number} [decimals] @returns {string} mm */
 export const mm = (m, decimals = 3) => fixed(m === null || m === undefined ? m : 1000 * m, decimals);
 

@@ -2,6 +2,7 @@
 
 import { find } from "./dom.js";
 import { shownMotion } from "./motion.js";
+import { chooseTool, toggleTool, toggleTransparent } from "./tool_strip.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -45,7 +46,7 @@ function actions(store, view) {
     ".": jump("slowest"),
     home: () => store.setTime(0),
     end: () => store.setTime(shownMotion(store)?.duration ?? 0),
-    f: () => view.fit(),
+    f: () => store.tell("fit"),
     "+": () => view.zoomBy(1.4),
     "=": () => view.zoomBy(1.4),
     "-": () => view.zoomBy(1 / 1.4),
@@ -53,10 +54,14 @@ function actions(store, view) {
     "shift+arrowright": pan(-60, 0),
     "shift+arrowup": pan(0, 60),
     "shift+arrowdown": pan(0, -60),
-    e: () => store.document.model && store.setView({ edges: !store.options.edges }),
-    x: () => store.document.model && store.setView({ transparent: !store.options.transparent }),
-    m: () => store.setView({ place: !store.options.place }),
-    v: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    v: () => chooseTool(store, "select"),
+    e: () => toggleTool(store, "edges"),
+    g: () => toggleTool(store, "move"),
+    m: () => toggleTool(store, "measure"),
+    o: () => toggleTool(store, "obstacles"),
+    x: () => toggleTransparent(store),
+    b: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
+    ...Object.fromEntries([1, 2, 3, 4, 5].map((number) => [String(number), () => store.tell("look", number)])),
     d: () => store.setView({ dock: !store.options.dock }),
     "?": click("help-open"),
   };

@@ -85,7 +85,8 @@ class Marks {
   /** @param {PointerEvent} event */
   hover(event) {
     const picture = this.store.latest("picture");
-    if (!picture || event.buttons || event.pointerType === "touch") return this.leave();
+    const measures = this.store.options.tool === "measure";
+    if (!picture || measures || event.buttons || event.pointerType === "touch") return this.leave();
     const [x, y] = this.view.within(event);
     const { view, layers } = this.view;
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);

@@ -1,5 +1,6 @@
 // Messages of the server: refusals, notices, failures; and the state of the connection.
 
+import { contactsOf } from "./collision.js";
 import { Remedies } from "./components.js";
 import { find, make, say } from "./dom.js";
 import { hasMotion } from "./figures.js";
@@ -48,7 +49,8 @@ export function init(store, link) {
     render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
-    refused.hidden = !frame;
+    // A collision has a box of its own.
+    refused.hidden = !frame || contactsOf(store).length > 0;
     document.body.dataset.refused = String(Boolean(frame));
     if (!frame) return;
     refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);

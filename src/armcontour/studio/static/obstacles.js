@@ -1,17 +1,18 @@
 // Obstacles in the drawing: move and resize them by drag or by arrow keys.
 
-import { show } from "./dialog.js";
-import { draw, find, grip, make, mark, say } from "./dom.js";
+import { ask } from "./dialog.js";
+import { draw, grip, mark, say } from "./dom.js";
 import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
+import { askBody, askMesh, showList } from "./obstacle_list.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
 /**
- * An obstacle on the base, in SI units; the file may have another unit. Its outline and axes in the plane are
+ * An obstacle, in SI units; the file may have another unit. Its outline and axes in the plane are
  * relative to its position `uv`.
  * @typedef {{type: string, index: number, unit: [string, number], name?: string, at?: number[], size?: number[],
- *   uv: Point, outline: Point[], axes: Point[]}} Obstacle
+ *   radius?: number, fixed_to: string, uv: Point, outline: Point[], axes: Point[], plane: {x: number[], y: number[]}}} Obstacle `plane` is in the frame of `at`
  */
 /** @typedef {[number, number]} Point */
 /** What a drag of an obstacle changes. @typedef {"at" | "size"} What */
@@ -40,8 +41,18 @@ class Obstacles {
     this.view.overlay.prepend(this.group);
     /** @type {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement, held: Record<What, import("./pointer.js").Movable>}[]} */
     this.elements = [];
-    find("#add-obstacle").addEventListener("click", () => this.add());
-    store.on("document", () => this.place());
+    /** Number of the obstacle that is being added; -1: none. */
+    this.expected = -1;
+    /** Whether a new obstacle is not in the 3D view yet. */
+    this.isNew = false;
+    store.on("arm", () => this.showNew());
+    showList(store, this.link, { add: (type) => this.add(type), addMesh: (file) => this.addMesh(file) });
+    store.on("mesh", (/** @type {File} */ file) => this.addMesh(file));
+    store.on("view", () => this.place());
+    store.on("document", () => {
+      this.place();
+      this.selectNew();
+    });
     this.view.followers.add(() => this.place());
   }
 
@@ -52,9 +63,11 @@ class Obstacles {
 
   /** Return the obstacles as drawn: a dragged one at the pointer. @returns {Obstacle[]} */
   list() {
-    const { x, y } = this.plane;
-    const all = this.store.document.obstacles.filter((/** @type {Obstacle} */ body) => body.outline);
+    // A body on the part is below the whole drawing, so it is there only while it is selected.
+    const isShown = (/** @type {Obstacle} */ body) => body.outline && (body.fixed_to !== "part" || body.index === this.store.options.obstacle);
+    const all = this.store.document.obstacles.filter(isShown);
     return all.map((/** @type {Obstacle} */ body, /** @type {number} */ k) => {
+      const { x, y } = body.plane;
       const { at, size } = this.elements[k]?.held ?? {};
       const held = at && this.pointer.held(at);
       const by = held?.map((value, j) => value - (body.at?.[j] ?? 0)) ?? [0, 0, 0];
@@ -63,19 +76,61 @@ class Obstacles {
     });
   }
 
-  /** Add a box that stands on the plane next to the part, where no other obstacle is. */
-  async add() {
-    const { box, view } = this.view;
-    if (!this.plane || !box) return tellEarly("No obstacle can be added yet: no path has been shown.");
-    const side = Number((NEW_SIDE / view.scale).toPrecision(1));
-    const answer = await this.ask("Add an obstacle", "box", side);
-    if (!answer) return;
-    const { name, height = side } = answer;
+  /** Usual length of a new obstacle [m]. */
+  get side() {
+    return Number((NEW_SIDE / this.view.view.scale).toPrecision(1));
+  }
+
+  /** Ask for an obstacle of a kind, and add it. @param {string} type */
+  async add(type) {
+    if (!this.isReady()) return;
+    this.put(await askBody(type, this.side));
+  }
+
+  /** Add the mesh of a file. @param {File} file */
+  async addMesh(file) {
+    if (!this.isReady()) return;
+    this.put(await askMesh(this.link, file));
+  }
+
+  /** Return whether obstacles have a plane on which they stand; tells if they have none. */
+  isReady() {
+    if (this.plane && this.view.box) return true;
+    tellEarly("No obstacle can be added yet: no path has been shown.");
+    return false;
+  }
+
+  /** Add an obstacle that stands on the plane next to the part, where no other obstacle is. @param {import("./obstacle_list.js").Body | null} body null: cancelled */
+  put(body) {
+    const { box } = this.view;
+    if (!body || !box) return;
+    const { high, ...keys } = body;
+    const [wide = 2 * (body.radius ?? this.side / 2), deep = wide] = body.size ?? [];
+    const side = Math.max(wide, deep);
     const spot = this.spotBeside(box, side);
-    this.link.edit([{ do: "obstacle", action: "add", type: "box", name, size: [side, side, height], at: this.lift(spot, height / 2, 1e-3) }]);
-    const [u, v] = spot.map((x, k) => x - this.pointer.centre[k]);
-    view.fit({ left: Math.min(box.left, u - side), right: Math.max(box.right, u + side), bottom: Math.min(box.bottom, v - side), top: Math.max(box.top, v + side) });
-    this.view.moved();
+    // The new obstacle is selected, so that it can be placed.
+    this.expected = this.store.document.obstacles.length;
+    this.link.edit([{ do: "obstacle", action: "add", ...keys, at: this.lift(spot, high, 1e-3) }]);
+  }
+
+  /** Select a new obstacle when the document has it, and none that is no longer there. */
+  selectNew() {
+    const { options, document } = this.store;
+    const count = document?.obstacles?.length ?? 0;
+    if (this.expected >= 0 && count > this.expected) {
+      const obstacle = this.expected;
+      this.expected = -1;
+      this.isNew = true;
+      return this.store.setView({ obstacle, tool: "obstacles", pen: "" });
+    }
+    if (options.obstacle >= count) this.store.setView({ obstacle: -1 });
+  }
+
+  /** Show a new obstacle in both views. */
+  showNew() {
+    if (!this.isNew) return;
+    this.isNew = false;
+    this.store.tell("fit");
   }
 
   /**
@@ -95,27 +150,10 @@ class Obstacles {
     return spots.find(([a, b]) => others.every((p) => Math.abs(p[0] - a) > side || Math.abs(p[1] - b) > side)) ?? spots[0];
   }
 
-  /**
-   * Ask for the name and height of an obstacle. @param {string} title @param {string} name @param {number} [height] m
-   * @returns {Promise<{name: string, height?: number} | null>} null: cancelled
-   */
-  async ask(title, name, height) {
-    const field = (/** @type {string} */ text, /** @type {Record<string, any>} */ how) => make("label", { class: "field", text }, [make("input", how)]);
-    const fields = [field("Name", { type: "text", value: name, required: true })];
-    if (height !== undefined) fields.push(field("Height [mm]", { type: "number", min: 1, step: "any", value: mm(height, 2).replace(/\.?0+$/, "") }));
-    const answer = await show(title, fields, [{ value: "ok", text: "OK" }, { value: "", text: "Cancel" }]);
-    const [named, high] = fields.map((x) => /** @type {HTMLInputElement} */ (x.lastChild).value);
-    if (answer !== "ok") return null;
-    return { name: named.trim() || name, ...(high && { height: Number((Number(high) / 1000).toPrecision(12)) }) };
-  }
-
-  /** Ask for another name and height of an obstacle; its bottom stays. @param {Obstacle} obstacle */
-  async change({ type, index, name = "", size, at = [0, 0, 0] }) {
-    const answer = await this.ask("Obstacle", name, type === "box" ? size?.[2] : undefined);
-    if (!answer) return;
-    const { height } = answer;
-    const grown = height !== undefined && size ? { size: [size[0], size[1], height], at: [at[0], at[1], round(at[2] + (height - size[2]) / 2)] } : {};
-    this.link.edit([{ do: "obstacle", action: "change", index, name: answer.name, ...grown }]);
+  /** Ask for another name of an obstacle. @param {Obstacle} obstacle */
+  async rename({ index, name = "" }) {
+    const answer = await ask("Obstacle", "Name", name);
+    if (answer && answer !== name) this.link.edit([{ do: "obstacle", action: "change", index, name: answer }]);
   }
 
   /** Return the point in space of a point in the plane, with round coordinates. @param {Point} uv @param {number} above m @param {number} step m @returns {number[]} */
@@ -135,6 +173,7 @@ class Obstacles {
   /** @param {Obstacle} obstacle @param {{body: SVGGElement, shape: SVGElement, sizer: SVGGElement}} element */
   placeOne(obstacle, { body, shape, sizer }) {
     sizer.toggleAttribute("hidden", obstacle.type !== "box");
+    body.classList.toggle("selected", obstacle.index === this.store.options.obstacle);
     const points = cornersOf(obstacle).map((p) => this.pointer.screen(p));
     mark(shape, "points", points.map((p) => p.map((x) => x.toFixed(1)).join()).join(" "));
     const corner = points.reduce((best, p) => (p[0] - p[1] > best[0] - best[1] ? p : best));
@@ -176,11 +215,12 @@ class Obstacles {
     };
     this.pointer.movable(body, held.at);
     this.pointer.movable(sizer, held.size);
-    body.addEventListener("dblclick", () => this.change(this.list()[k]));
+    body.addEventListener("dblclick", () => this.rename(this.list()[k]));
+    body.addEventListener("focus", () => this.store.setView({ obstacle: this.list()[k].index }));
     body.addEventListener("keydown", (event) => {
       const obstacle = this.list()[k];
-      if (event.key === "F2") this.change(obstacle);
-      else if (event.key === "Delete" || event.key === "Backspace") this.link.edit([{ do: "obstacle", action: "remove", index: obstacle.index }]);
+      if (event.key === "F2") this.rename(obstacle);
+      else if (event.key === "Delete" || event.key === "Backspace") this.store.tell("remove obstacle", obstacle.index);
       else return;
       event.preventDefault();
     });
@@ -188,8 +228,8 @@ class Obstacles {
   }
 
   /** @param {Obstacle} from @param {number} du @param {number} dv @returns {number[]} m */
-  moved({ at = [0, 0, 0] }, du, dv) {
-    const { x, y } = this.plane;
+  moved({ at = [0, 0, 0], plane }, du, dv) {
+    const { x, y } = plane;
     return [0, 1, 2].map((k) => round((at[k] ?? 0) + du * x[k] + dv * y[k]));
   }
 

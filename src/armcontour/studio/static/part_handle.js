@@ -70,7 +70,7 @@ class PlaceHandle {
   }
 
   put() {
-    const shown = this.store.options.place && this.store.latest("picture") !== null;
+    const shown = this.store.options.tool === "move" && this.store.options.obstacle < 0 && this.store.latest("picture") !== null;
     this.group.toggleAttribute("hidden", !shown);
     if (!shown) return;
     const [moved, turned] = [this.pointer.held(this.moving), this.pointer.held(this.turning)];

@@ -101,7 +101,6 @@ export function init(store, _link, pointer) {
     const values = pointer.held(pen);
     mark(trace, "d", values ? outline(values) : "");
   });
-  ground.addEventListener("keydown", (event) => event.key === "Escape" && !event.defaultPrevented && store.setView({ pen: "" }));
 
   let id = "";
   const update = () => {

@@ -18,7 +18,7 @@ import { whole } from "./format.js";
  */
 /** A file that the server stores for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
 /** A table as Python gives it; the first row has the columns. @typedef {{title: string, cells: string[][]}} Table */
-/** When and of what a result was made. @typedef {{time: string, job: string, run: string, hash: string}} Made */
+/** When and of what a result was made. @typedef {{time: string, job: string, run: string, files: string}} Made */
 
 /** Maximum numbers: kept results, shown table rows, letters per figure, listed changes. */
 const [MAX_RESULTS, MAX_ROWS, LONG, MAX_CHANGES] = [12, 200, 24, 4];
@@ -37,7 +37,7 @@ export const addResult = (result) => (results.value = [result, ...results.value]
 const changesSince = ({ id, task, state }) => (state !== "running" && OF_JOB.has(task) ? (outdated.value[id] ?? []) : []);
 
 /** Return when and of what a result was made. @param {Made} made @returns {string} */
-export const madeText = ({ time, job, run, hash }) => `${time}, job ${job}, run ${run}, hash ${hash}`;
+export const madeText = ({ time, job, run, files }) => `${time}, job ${job}, run ${run}. SHA-256: ${files}`;
 
 /** @param {{result: Result, store: Store, link: Link, again: (result: Result) => void}} props */
 export function Outcome({ result, store, link, again }) {

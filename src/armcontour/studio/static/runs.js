@@ -59,7 +59,7 @@ export function init(store, link) {
     if (!store.document) return;
     const { name: job, hash } = store.document;
     render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button>
-        <span class="quiet made">${when}, job ${job}, hash ${hash}. Figures of an earlier state of the job are left out.</span></p>
+        <span class="quiet made">${when}, job ${job}, SHA-256 ${hash}. Figures of an earlier state of the job are left out.</span></p>
         <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`, region);
   });
 }

@@ -5,6 +5,7 @@ import { contourLabel, mm, short } from "./format.js";
 import { contourTimes } from "./motion_places.js";
 import { kindAt, largest } from "./polylines.js";
 import { indexAt } from "./state.js";
+import { shownText } from "./units.js";
 import { roundUp } from "./viewport.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
@@ -171,16 +172,16 @@ function nameContours(sheet, picture, selected) {
 function nameSpeeds(sheet, { arrays: { rapid_t: times, rapid_most: most, rapid_breaks: breaks } }) {
   const { context, scale } = sheet;
   context.fillStyle = themed("--quiet");
-  const top = `${mm(sheet.most, 0)} mm/s`;
+  const top = shownText(`${mm(sheet.most, 0)} mm/s`);
   const room = scale.width - context.measureText(top).width - 2 * BESIDE;
   write(sheet, top, scale.width - BESIDE, NAMES + 13, "right");
   for (let k = 0; breaks && k + 1 < breaks.length; k++) {
     const left = Math.max(0, scale.xOf(times[breaks[k]]));
     const right = Math.min(room, scale.xOf(times[breaks[k + 1] - 1]));
     if (most[k] <= sheet.most) continue;
-    const number = `↑ ${short(1000 * most[k], 3)}`;
+    const whole = `↑ ${shownText(`${short(1000 * most[k], 3)} mm/s`)}`;
     // Without room for the unit, it is at the right end.
-    const text = [`${number} mm/s`, number].find((x) => context.measureText(x).width + BESIDE < right - left);
+    const text = [whole, whole.slice(0, whole.lastIndexOf(" "))].find((x) => context.measureText(x).width + BESIDE < right - left);
     if (text) write(sheet, text, (left + right) / 2, NAMES + 13, "center");
   }
 }

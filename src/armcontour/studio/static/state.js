@@ -18,6 +18,13 @@
 //   log                     a robot log is stored: listener(its name)
 //   advice                  listener(changes)         changes of the shown job that save time
 //   layout                  listener()                the size of a region may have changed
+//   remove obstacle         listener(index)           the user removes an obstacle
+//   placing                 listener()                what is placed has other values
+//   mesh                    the user opens the file of an obstacle: listener(file)
+//   fit                     listener()                show all, also obstacles
+//   look                    listener(number)          look from the side of this number in the 3D view
+//   segments                the segments of the drawing came: listener(frame)
+//   escape                  Escape is pressed: listener({taken}); who deselects something sets `taken`
 
 /** @typedef {Float32Array | Float64Array | Uint8Array | Uint16Array | Uint32Array | Int32Array} Numbers */
 /**
@@ -25,17 +32,18 @@
  * @typedef {{kind: string, seq: number | null, rev: number, head: any, arrays: Record<string, Numbers>,
  *   asked: number}} Frame
  */
+/** A tool: select a contour, pick edges, move the part, measure, place obstacles. @typedef {"select" | "edges" | "move" | "measure" | "obstacles"} Tool */
 /**
  * @typedef {Object} ViewOptions
  * @property {"limit" | "speed" | "error"} colour   what colours the path
  * @property {string} pen          the shape that is drawn; "" for none
- * @property {boolean} place        whether the part is moved as a whole
+ * @property {Tool} tool          what a click or a drag does; a pen replaces it
+ * @property {number} obstacle      the selected obstacle, by its number in the job file; -1: none
  * @property {"both" | "planned" | "executed"} time   which motion is played; both: the planned one, and the executed tool beside it
  * @property {"2d" | "both" | "3d"} stage
  * @property {string} tab           the open tab of the dock: name of its panel without "tab-"
  * @property {boolean} dock         whether the dock is open
  * @property {"contours" | "process" | "robot" | "notes"} side   the open tab of the settings
- * @property {boolean} edges       whether edges of a CAD model are picked
  * @property {boolean} transparent  whether its parts are transparent
  * @property {number} contour       the selected contour, in the order of the motion; -1: none
  */
@@ -48,7 +56,8 @@ const PLANNED_ARRAYS = ["path", "path_breaks", "path_s", "path_t", "speed", "ass
 const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   colour: "limit",
   pen: "",
-  place: false,
+  tool: "select",
+  obstacle: -1,
   time: "both",
   // Side by side, the views need a wide page.
   stage: globalThis.innerWidth >= 1000 ? "both" : "2d",
@@ -56,7 +65,6 @@ const STARTING_OPTIONS = /** @type {ViewOptions} */ ({
   dock: false,
   side: "contours",
   contour: -1,
-  edges: false,
   transparent: false,
 });
 
@@ -159,7 +167,8 @@ export class Store {
 
   /** Forget everything, because another job or drawing is opened. */
   reset() {
-    for (const kind of [...OF_A_RUN, "model"]) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "model", "segments"]) this.frames.delete(kind);
+    this.options = { ...this.options, obstacle: -1 };
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "model", "reset"]) this.tell(event, null);
@@ -230,7 +239,8 @@ export class Store {
   selectAt(piece) {
     const breaks = this.latest("picture")?.arrays.path_breaks;
     const contour = breaks && piece >= 0 ? indexAt(breaks, piece) : -1;
-    if (contour !== this.options.contour) this.setView({ contour, ...(contour >= 0 && { side: "contours" }) });
+    if (contour === this.options.contour && this.options.obstacle < 0) return;
+    this.setView({ contour, obstacle: -1, ...(contour >= 0 && { side: "contours" }) });
   }
 
   /** Change view options. @param {Partial<ViewOptions>} changes */

@@ -10,6 +10,7 @@ import { kindAt } from "./polylines.js";
 import { drawCurve } from "./speed_curve.js";
 import { indexAt, nowAndThen, oncePerFrame, READING } from "./state.js";
 import { TimeScale } from "./time_scale.js";
+import { inches, shownText } from "./units.js";
 import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -59,6 +60,7 @@ export class Timeline {
     slider.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     slider.addEventListener("keydown", (event) => this.press(event));
     new ResizeObserver(() => this.draw()).observe(this.element);
+    inches.subscribe(() => this.draw());
   }
 
   /** Show the motion as it is now. @param {number} duration s; 0: there is none */
@@ -192,7 +194,7 @@ export class Timeline {
     const picture = this.store.latest("picture");
     if (!picture?.arrays.path_t.length) return;
     tip.hidden = false;
-    say(tip, drag?.isRange ? `${seconds(Math.abs(scale.timeAt(drag.to) - scale.timeAt(drag.from)))} s: release to zoom` : sentenceAt(picture, scale.timeAt(x)));
+    say(tip, drag?.isRange ? `${seconds(Math.abs(scale.timeAt(drag.to) - scale.timeAt(drag.from)))} s: release to zoom` : shownText(sentenceAt(picture, scale.timeAt(x))));
     const right = x + ASIDE + tip.offsetWidth < scale.width - MARGIN;
     tip.style.transform = `translateX(${Math.max(0, right ? x + ASIDE : x - ASIDE - tip.offsetWidth)}px)`;
   }

@@ -4,6 +4,7 @@ import { themed } from "./colours.js";
 import { draw, find, make, mark } from "./dom.js";
 import { rowOf } from "./format.js";
 import { Layers } from "./layers.js";
+import { measureOf } from "./measure.js";
 import { Painter } from "./canvas.js";
 import { oncePerFrame } from "./state.js";
 import { boxOf, Viewport } from "./viewport.js";
@@ -34,6 +35,8 @@ export class View2d {
     this.fitted = "";
     /** True if everything is shown; it stays so when the region is resized. */
     this.isFitted = false;
+    /** True if obstacles are shown as well when everything is. */
+    this.showsObstacles = false;
     /** True if a part of the newest picture is in the view. */
     this.isSeen = false;
     /** Centre of the shown picture in the plane [m]. @type {[number, number] | null} */
@@ -67,6 +70,7 @@ export class View2d {
     store.on("refusal", () => this.follow());
     for (const event of ["picture", "executed"]) store.on(event, () => this.show());
     for (const event of ["refusal", "theme", "view"]) store.on(event, () => this.rest());
+    store.on("fit", () => this.fit(true));
     new ResizeObserver(() => this.resize()).observe(this.region);
     // A dragged handle stays where the pointer is.
     new ResizeObserver(() => this.isFitted && !this.overlay.querySelector(".dragging") && this.fit()).observe(find("#legend"));
@@ -151,16 +155,26 @@ export class View2d {
     const id = this.store.document?.id;
     if (this.fitted === id || this.view.width === 1 || !this.store.latest("picture")) return;
     this.fitted = id;
-    this.fit();
+    this.fit(false);
   }
 
-  /** Show all of the drawing. */
-  fit() {
+  /** Show all of the drawing. @param {boolean} [whole] whether obstacles are shown as well; by default as before */
+  fit(whole = this.showsObstacles) {
     const { box } = this;
     if (!box) return;
-    this.view.fit(this.withTouched(box), this.covered);
+    this.showsObstacles = whole;
+    this.view.fit(this.withTouched(whole ? this.withObstacles(box) : box), this.covered);
     this.moved();
     this.isFitted = this.isSeen = true;
+  }
+
+  /** Return a box that also contains the obstacles [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
+  withObstacles(box) {
+    const [u, v] = this.store.latest("picture")?.head.centre ?? [0, 0];
+    const points = [box.left, box.bottom, box.right, box.top];
+    for (const { uv, outline = [] } of this.store.document?.obstacles ?? [])
+      for (const [a, b] of outline) points.push(uv[0] + a - u, uv[1] + b - v);
+    return boxOf(points) ?? box;
   }
 
   /** Return a box that also contains the touched points [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
@@ -171,10 +185,14 @@ export class View2d {
     return { left: Math.min(left, ...us), right: Math.max(right, ...us), bottom: Math.min(bottom, ...vs), top: Math.max(top, ...vs) };
   }
 
-  /** Return the height of the legend if it covers the drawing [px]. */
+  /** Return what the legend and the tools cover of the drawing [px]. */
   get covered() {
     const [legend, region] = [find("#legend"), this.region].map((x) => x.getBoundingClientRect());
-    return Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
+    const tools = document.querySelector("#viewbar .tools")?.getBoundingClientRect();
+    const below = Math.max(0, region.bottom - Math.max(legend.top, region.top)) * Number(legend.width > 0 && legend.top < region.bottom);
+    // In narrow pages, the tools are above the drawing.
+    const isOver = tools && tools.bottom > region.top + 1 && tools.top < region.bottom;
+    return { below, left: isOver ? Math.max(0, tools.right - region.left) : 0 };
   }
 
   /** Draw after a change of the view. */
@@ -299,6 +317,7 @@ export class View2d {
 
   /** Select the contour at the pointer, or none. @param {PointerEvent} event */
   select(event) {
+    if (measureOf().click("2d", ...this.within(event), event.pointerType === "touch")) return;
     const picture = this.store.latest("picture");
     if (!picture?.arrays.path.length) return;
     this.store.selectAt(this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale));

@@ -3,8 +3,8 @@
 import { find, make } from "./dom.js";
 import { legendOf, scalesOf } from "./legend.js";
 import { comparedExecution } from "./motion.js";
-import { canDraw } from "./pen.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
+import { ToolStrip } from "./tool_strip.js";
 import { inches } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
@@ -14,11 +14,6 @@ import { html, render } from "./vendor/preact.js";
 
 const COLOURINGS = { limit: "Limit", speed: "Speed", error: "Error" };
 const STAGES = { "2d": "2D", both: "Both", "3d": "3D" };
-/** Shapes of the pen, each with its picture. */
-const PEN = { Line: "M3 13L13 3", Arc: "M2 12A6.3 6.3 0 0 1 14 12", Circle: "M8 2a6 6 0 1 0 .1 0z", Rectangle: "M2 4h12v8H2z" };
-const MOVE = "M8 1v14M1 8h14M6 3l2-2 2 2M6 13l2 2 2-2M3 6 1 8l2 2M13 6l2 2-2 2";
-const EDGE = "M2 5l6-3 6 3v7l-6 3-6-3zM2 5l6 3 6-3M8 8v7";
-const BLOCK = "M8 1l6 3v8l-6 3-6-3V4zM2 4l6 3 6-3M8 7v8";
 const LEGEND_EVERY = 250; // ms
 
 /**
@@ -27,10 +22,6 @@ const LEGEND_EVERY = 250; // ms
  */
 const Choice = ({ label, names, now, choose }) => html`<span class="group choice" role="group" aria-label=${label}>
   ${Object.entries(names).map(([name, text]) => html`<button type="button" data-name=${name} title=${`${label}: ${text.toLowerCase()}`} aria-pressed=${String(now === name)} onClick=${() => choose(name)}>${text}</button>`)}</span>`;
-
-/** A tool with its picture. @param {{name: string, d: string, title: string, act?: () => void, is?: boolean, id?: string}} props */
-const Tool = ({ name, d, title, act, is, id }) => html`<button type="button" id=${id} title=${title} aria-label=${name} aria-pressed=${is === undefined ? undefined : String(is)} onClick=${act}>
-  <svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg>${name.split(" ").at(-1)}</button>`;
 
 /** A sample with its text, or shades between two texts. @param {{entry: Sample | Shades}} props */
 function Entry({ entry }) {
@@ -74,16 +65,10 @@ export function init(store, _link, { view }) {
     const set = (/** @type {string} */ name) => (/** @type {any} */ value) => store.setView({ [name]: value });
     const button = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ act) =>
       html`<button type="button" title=${title} aria-label=${`${text}: ${title}`} onClick=${act}>${text}</button>`;
-    const pen = ([name, d] = ["", ""]) =>
-      html`<${Tool} name=${name} d=${d} title=${`${name}: drag in the drawing, or type values; Escape puts the pen away`} is=${options.pen === name} act=${() => set("pen")(store.options.pen === name ? "" : name)} />`;
     render(
-      html`<span class="tools" role="group" aria-label="Tools">
-          ${canDraw(store) && Object.entries(PEN).map(pen)}
-          ${store.document?.model && html`<${Tool} name="Pick edges" id="pick-edges" d=${EDGE} title="Click edges of the part in the 3D view (E)" is=${options.edges} act=${() => store.setView({ edges: !options.edges, stage: options.stage === "2d" ? "3d" : options.stage })} />`}
-          <${Tool} name="Place part" d=${MOVE} title="Move and turn the part as a whole (M)" is=${options.place} act=${() => set("place")(!store.options.place)} />
-          <${Tool} name="Add obstacle" d=${BLOCK} id="add-obstacle" title="A box next to the part, with a name and a height; drag it or its corner, press F2 to change them" /></span>
+      html`<${ToolStrip} store=${store} />
         <span class="looks"><${Choice} label="Colour by" names=${COLOURINGS} now=${options.colour} choose=${set("colour")} />
-          <span class="group zoom">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => view.fit())}</span></span>
+          <span class="group zoom">${button("−", "Zoom out (−)", () => view.zoomBy(1 / 1.4))}${button("+", "Zoom in (+)", () => view.zoomBy(1.4))}${button("Fit", "Show all (F)", () => store.tell("fit"))}</span></span>
         <${Choice} label="View" names=${STAGES} now=${options.stage} choose=${set("stage")} />`,
       bar,
     );

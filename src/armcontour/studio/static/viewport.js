@@ -42,15 +42,15 @@ export class Viewport {
     this.v += fixed[1] - now[1];
   }
 
-  /** Show all of a box, with room for handles around it. @param {Box} box m @param {number} [covered] height below that is covered [px] */
-  fit(box, covered = 0) {
+  /** Show all of a box, with room for handles around it. @param {Box} box m @param {{below?: number, left?: number}} [covered] height below and width at the left that are covered [px] */
+  fit(box, { below = 0, left = 0 } = {}) {
     const margin = Math.min(56, 0.16 * this.width, 0.16 * this.height);
     const wide = Math.max(box.right - box.left, 1e-6);
     const high = Math.max(box.top - box.bottom, 1e-6);
-    const room = [Math.max(40, this.width - 2 * margin), Math.max(40, this.height - 2 * margin - covered)];
+    const room = [Math.max(40, this.width - 2 * margin - left), Math.max(40, this.height - 2 * margin - below)];
     this.scale = Math.min(CLOSEST, room[0] / wide, room[1] / high);
-    this.u = (box.left + box.right) / 2;
-    this.v = (box.bottom + box.top) / 2 - covered / 2 / this.scale;
+    this.u = (box.left + box.right) / 2 - left / 2 / this.scale;
+    this.v = (box.bottom + box.top) / 2 - below / 2 / this.scale;
   }
 
   /** @param {{width: number, height: number}} size px */

@@ -31,11 +31,13 @@ def figures(request: Request) -> MessageFrame:
     try:
         result = request.result
     except ArmContourError as error:
-        view = None
+        view = arm = None
         # If the data are not a valid job, there is no picture in which to mark a position.
         with suppress(InvalidInput):
             view = request.view
-        return MessageFrame("refusal", refusal_header(error, view, tier=3, run=request.run or ""))
+            arm = request.job.arm
+        header = refusal_header(error, view, tier=3, run=request.run or "", arm=arm)
+        return MessageFrame("refusal", header)
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
     if obstacle is not None:

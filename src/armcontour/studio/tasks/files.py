@@ -136,6 +136,7 @@ def export(request: Request) -> MessageFrame:
         table = make_table(
             plan.trajectory if source == PLANNED else plan.set_points,
             name=f"{job.name} {plan.run.name} {NAMES[source]}",
+            origin=request.origin,
             arm=job.arm,
             cycle=cycle,
             derivatives=job.export.derivatives,

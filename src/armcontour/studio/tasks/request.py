@@ -29,6 +29,7 @@ class Request:
         logs: Files of the selected logs.
         allowed: Folders from which files may be read; empty: no restriction.
         named: Further files that may be read.
+        origin: When and of what the result is made, for its file.
         progress: Callback for the progress.
     """
 
@@ -40,6 +41,7 @@ class Request:
     logs: Sequence[str] = ()
     allowed: Sequence[str] = ()
     named: Sequence[str] = ()
+    origin: str = ""
     progress: Progress = lambda step: None
 
     @cached_property

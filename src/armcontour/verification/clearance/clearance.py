@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TypeAlias
 
@@ -66,6 +66,7 @@ class PairClearance:
         points: Nearest points of both bodies in the work frame [m], (2, 3): at `first_time`, or at
             `t` if no margin is violated.
         first_time: First time at which the margin is violated [s]; None if it is always satisfied.
+        q: Joint positions at the time of `points` [rad], (dof,).
     """
 
     first: str
@@ -77,6 +78,7 @@ class PairClearance:
     t: float
     points: FloatArray
     first_time: float | None = None
+    q: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def satisfied(self) -> bool:
@@ -187,6 +189,7 @@ class Clearance(Result):
             allowed=nearest.high,
         )
         collision.bodies = (nearest.first, nearest.second)
+        collision.clearance = self
         raise collision
 
     def to_data(self) -> Data:
@@ -461,7 +464,8 @@ class _ClearanceSearch:
         for k, first_time in enumerate(first_times):
             if first_time is not None:
                 t[k] = first_time
-        points = self._distances.points(self._positions(t))
+        q = self._positions(t)
+        points = self._distances.points(q)
         return [
             PairClearance(
                 first=x.first.name,
@@ -473,6 +477,7 @@ class _ClearanceSearch:
                 t=float(self._at[k]),
                 points=checks.frozen_array(points[k]),
                 first_time=first_times[k],
+                q=checks.frozen_array(q[k]),
             )
             for k, x in enumerate(self.pairs)
         ]
