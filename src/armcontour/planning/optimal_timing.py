@@ -19,6 +19,7 @@ from typing import Annotated, NoReturn
 import numpy as np
 
 from armcontour.core import checks
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import declared
 from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
