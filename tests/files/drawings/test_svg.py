@@ -552,3 +552,14 @@ def test_a_comment_with_two_hyphens_is_named_as_the_cause():
     with pytest.raises(InvalidInput) as broken:
         read(f"<!-- a - b --><g{rect}")
     assert "comment" not in str(broken.value)
+
+
+def test_dashed_lines_are_read_with_a_note():
+    rect = '<rect x="10" y="10" width="30" height="20"/>'
+    for dashes in ('stroke-dasharray="6 4"', 'style="stroke-dasharray: 2mm"'):
+        program = read(f'{rect}<path {dashes} d="M1 1H5"/>')
+        assert len(program.contours) == 2
+        (note,) = program.notes
+        assert "dashes" in note and "path" in note
+    for dashes in ("none", "0", ""):
+        assert not read(f'{rect}<path stroke-dasharray="{dashes}" d="M1 1H5"/>').notes

@@ -554,3 +554,16 @@ def test_files_of_other_formats_are_refused_with_their_remedy(tmp_path):
     table += [("a.XACRO", "pip install xacrodoc ... -o robot.urdf"), ("b.xml", "Use a URDF")]
     for read in (ac.load_arm, ac.read_log, ac.read_trajectory):
         refusals(read, table, "files are not supported. ")
+
+
+def test_a_range_of_a_continuous_joint_is_noted(tmp_path):
+    range_of = '<limit lower="-1" upper="1" velocity="2" effort="5"/>'
+    text = ROBOT.read_text(encoding="utf-8")
+    assert not any("continuous" in x for x in original_arm().notes)
+    joint = re.search(r'<joint name="\w+" type="continuous">', text)
+    assert joint is not None
+    changed = text.replace(joint[0], joint[0] + range_of, 1)
+    (tmp_path / "range.urdf").write_text(changed, encoding="utf-8")
+    arm = ac.load_arm(tmp_path / "range.urdf", **WHOLE)
+    (note,) = (x for x in arm.notes if "continuous" in x)
+    assert joint[0].split('"')[1] in note

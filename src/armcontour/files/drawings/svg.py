@@ -13,6 +13,7 @@ from armcontour.core.progress import Progress
 from armcontour.files.colors import color_of
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.drawing_traversal import (
+    DASHED,
     NO_SIZE,
     TRAVERSAL_SHARE,
     EntityOutlines,
@@ -337,6 +338,9 @@ class SvgWalk(Walk):
             self._refuse_or_ignore(element, "masks are not supported")
         if any(element.style(key) not in NO_EFFECT for key in MARKERS):
             self.omit(MARKED, element.name)
+        dashes = element.style("stroke-dasharray")
+        if dashes not in NO_EFFECT and dashes.strip("0, ") != "":
+            self.omit(DASHED, element.name)
         if element.style_property("transform") or element.style("transform-origin"):
             self._refuse_or_ignore(
                 element, "transforms in a style or with an origin are not supported"
