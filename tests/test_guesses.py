@@ -289,3 +289,13 @@ def test_errors_inside_a_property_are_not_hidden() -> None:
     with pytest.raises(AttributeError, match="missing_name"):
         _ = Broken([ac.Line((0, 0), (1, 0))]).size
     assert not hasattr(CORNER, "__array_interface__") and not hasattr(ac.Path, "_hidden")
+
+
+def test_certificates_show_picture_and_rows() -> None:
+    goal = ac.CertificateGoal(tolerance=1e-3)
+    certificate = ac.certify(CORNER, ARM, SERVO, LIMITS, goal=goal)
+    assert "<svg" in certificate.plot().svg
+    page = certificate._repr_html_()
+    assert page and "<svg" in page and "<script" not in page
+    times = [float(x) for x in re.findall(r"<td>([\d.]+) s</td>", page)]
+    assert certificate.trajectory.duration == pytest.approx(times[0], rel=5e-3)
