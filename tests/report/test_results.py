@@ -1,6 +1,7 @@
 """Figures, tables and reports of single results in Python."""
 
 import re
+from operator import methodcaller
 
 import numpy as np
 import pytest
@@ -96,21 +97,25 @@ def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_
     refuses(lambda: ac.write_report(alone, tmp_path / "a.html"), ac.InvalidInput)
 
 
+# What a notebook shows of a value.
+as_html = methodcaller("_repr_html_")
+
+
 def test_notebooks_show_picture_and_rows(made, in_space):
     rounded = in_space[0].path
     for x in (*made, rounded, ac.Program.from_path(rounded)):
-        page = x._repr_html_()
+        page = as_html(x)
         assert "<svg" in page and "<tr>" in page and "<script" not in page
     length = f"{1e3 * rounded.length:.0f} mm"
-    assert f"<td>{length}</td>" in rounded._repr_html_()
-    times = re.findall(r"<td>([\d.]+) s</td>", made[0]._repr_html_())
+    assert f"<td>{length}</td>" in as_html(rounded)
+    times = re.findall(r"<td>([\d.]+) s</td>", as_html(made[0]))
     assert made[0].duration == pytest.approx(float(times[0]), rel=5e-3)
     named = ac.Program((ac.Contour(rounded),), source="<script>&")
-    assert "<script" not in named._repr_html_() and "&lt;script&gt;&amp;" in named._repr_html_()
+    assert "<script" not in as_html(named) and "&lt;script&gt;&amp;" in as_html(named)
     # Without an arm, a notebook shows the `repr`.
     joints = ac.JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
     limits = ac.Limits(joint_velocity=1.0, joint_acceleration=3.0)
-    assert ac.plan(joints, limits=limits)._repr_html_() is None
+    assert as_html(ac.plan(joints, limits=limits)) is None
 
 
 def test_paths_have_a_picture_of_their_outline_only(refuses):

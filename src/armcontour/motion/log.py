@@ -155,13 +155,22 @@ class Log(Checked):
 
         Args:
             used: Mask of the samples, (n,).
+
+        Raises:
+            InvalidInput: `used` is not an array of True and False, one per sample.
         """
+        mask = np.asarray(checks.check_type("used", used, np.ndarray))
+        if mask.dtype != np.bool_ or mask.shape != self.t.shape:
+            raise InvalidInput(
+                f"used must be an array of True and False with one value for each of the "
+                f"{len(self.t)} samples, but has the shape {mask.shape}."
+            )
         return replace(
             self,
-            t=self.t[used],
-            command=self.command[used],
-            measured=self.measured[used],
-            plan_time=None if self.plan_time is None else self.plan_time[used],
+            t=self.t[mask],
+            command=self.command[mask],
+            measured=self.measured[mask],
+            plan_time=None if self.plan_time is None else self.plan_time[mask],
         )
 
     @property

@@ -182,15 +182,6 @@ class Arm(Immutable, ABC):
     loaded_by: ClassVar[str] = "load_arm"
     _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
 
-    def __new__(cls, *_: Any, **__: Any) -> Self:
-        """Explain how an arm is loaded, because this class is only a base."""
-        if cls is Arm:
-            raise InvalidInput(
-                "Arm is the base of the classes of arms. Write ac.load_arm(name) for a built-in "
-                "arm or a file, such as ac.load_arm('ur5e')."
-            )
-        return super().__new__(cls)
-
     def __repr__(self) -> str:
         """Write class, name and number of joints."""
         return f"{type(self).__name__}({self.name!r}, {self.dof} joints)"
