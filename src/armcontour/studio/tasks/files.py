@@ -125,10 +125,11 @@ def export(request: Request) -> MessageFrame:
     check_export(job, kind, stem=stem, cycle=cycle)
     if source == "learned":
         learned_run = learn_from_logs(request)
-        plan = replace(learned_run.plan, set_points=learned_run.lesson)
+        # The simulation is of other set-points.
+        plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
         plan = request.set_points
-    format = format_named(kind, job.export)
+    format = format_named(kind, job.export).with_motions(plan.trajectory, job.arm, plan.execution)
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         file = FilePath(folder) / f"{stem}{ENDINGS[kind]}"
