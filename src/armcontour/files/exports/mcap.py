@@ -205,6 +205,11 @@ def _motions(
     return motions
 
 
+def _rows(values: FloatArray) -> FloatArray:
+    """Return an array whose rows are contiguous, as rosbags requires, (n, dof)."""
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
 def _stamps(t: FloatArray) -> IntArray:
     """Return times since the first point [s] as stamps [ns], (n,)."""
     return np.rint(t * 1e9).astype(np.int64) + FIRST_STAMP
@@ -213,11 +218,12 @@ def _stamps(t: FloatArray) -> IntArray:
 def _joint_states(maker: _Maker, names: Sequence[str], motion: _Motion) -> Iterator[Message]:
     """Yield the joint states of a motion."""
     empty = np.zeros((len(motion.t), 0))
-    dq = empty if motion.dq is None else motion.dq
-    effort = empty if motion.effort is None else motion.effort
+    q = _rows(motion.q)
+    dq = empty if motion.dq is None else _rows(motion.dq)
+    effort = empty if motion.effort is None else _rows(motion.effort)
     topic = f"/{motion.name}/joint_states"
     for i, stamp in enumerate(_stamps(motion.t).tolist()):
-        state = maker.joint_state(stamp, names, motion.q[i], dq[i], effort[i])
+        state = maker.joint_state(stamp, names, q[i], dq[i], effort[i])
         yield stamp, topic, JOINT_STATE, state
 
 
@@ -261,12 +267,15 @@ def _controller_states(maker: _Maker, table: SetPointTable, executed: _Motion) -
     """Yield commands and executed positions, as a trajectory controller publishes them."""
     nowhere = maker.make("MultiDOFJointTrajectoryPoint", [], [], [], maker.make("Duration", 0, 0))
     names = list(table.joint_names)
+    positions = _rows(executed.q)
+    velocities = None if executed.dq is None else _rows(executed.dq)
     # A command stays until the next one, and after the last one. Both times have rounding errors.
     rows = np.searchsorted(table.t, executed.t + 1e-9 * table.cycle, side="right") - 1
+    commands = _rows(table.q)[rows]
     for i, stamp in enumerate(_stamps(executed.t).tolist()):
-        command = table.q[rows[i]]
-        q = executed.q[i]
-        velocity = () if executed.dq is None else (executed.dq[i],)
+        command = commands[i]
+        q = positions[i]
+        velocity = () if velocities is None else (velocities[i],)
         points = {
             "reference": maker.point(command),
             "feedback": maker.point(q, *velocity),
