@@ -138,7 +138,8 @@ def test_joint_states_are_recordings_and_trajectories(tmp_path):
 
 
 def test_each_message_has_its_own_order_and_other_publishers_are_skipped(tmp_path):
-    first, second = joints(), joints(order=(5, 4, 3, 2, 1, 0))
+    first = joints()
+    second = joints(order=(5, 4, 3, 2, 1, 0))
     rows = [*first[:30], *second[30:]]
     for i in range(0, COUNT, 10):
         data = joint_state(["finger"], STAMP + STEP * i + 7, [0.01])
@@ -188,7 +189,7 @@ def test_units_and_names_are_specified_as_for_tables(tmp_path):
 
 def test_bags_that_cannot_be_used_are_refused(tmp_path):
     only = write_db3(tmp_path / "only.db3", joints())
-    wrong = [x for x in joints() if x]
+    wrong = joints()
     names = [NAMES[k] for k in ORDER]
     wrong[4] = (*wrong[4][:3], joint_state(names, STAMP + 4 * STEP, [0.0] * 5))
     nan = joints()

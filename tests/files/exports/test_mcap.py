@@ -52,7 +52,9 @@ def messages_of(file):
     """Messages of an MCAP file by topic: type of the topic, and stamps [ns] with contents."""
     data = file.read_bytes()
     assert data.startswith(MAGIC) and data.endswith(MAGIC)
-    kinds, topics, found = {}, {}, {}
+    kinds = {}
+    topics = {}
+    found = {}
     last = 0
     for code, content in records(data, 8):
         if code == 3:
@@ -73,7 +75,9 @@ def joint_states(messages):
     """Times since the first point [s], positions and velocities of a topic."""
     kind, rows = messages
     assert kind == "sensor_msgs/msg/JointState"
-    t, q, dq = [], [], []
+    t = []
+    q = []
+    dq = []
     for stamp, data in rows:
         cdr = Decoder(data)
         assert cdr.header()[0] == stamp
