@@ -272,7 +272,13 @@ class Studio:
             self.wait("body", draft="")
 
     def tab(self, name: str) -> None:
-        """Open a tab of the settings, or below the drawing."""
+        """Open a tab of the settings, or below the drawing; narrow settings are a drawer."""
+        in_drawer = self.find(f"#panel #tab-button-{name}").count() > 0
+        is_narrow = self.find("#panel-open").is_visible()
+        if in_drawer and is_narrow and self.told("body", "drawer") != "open":
+            self.find("#panel-open").click()
+        if not in_drawer and is_narrow and self.told("body", "drawer") == "open":
+            self.find("#panel-close").click()
         self.find(f"#tab-button-{name}").click()
 
     def choose_run(self, name: str) -> None:

@@ -83,6 +83,8 @@ def test_no_text_is_cut_or_over_another_one(size, pages):
     studio = begin(pages, size)
     width = size[0]
     check(studio, (width, "kept"))
+    # The drawing has most of a wide page.
+    assert width < 1000 or studio.find("#stage").bounding_box()["height"] >= 600
     for side in ("contours", "process", "robot", "notes"):
         open_settings(studio, side)
         check(studio, (width, side))
@@ -123,6 +125,11 @@ def test_no_text_is_cut_or_over_another_one(size, pages):
     studio.find("#units").click()
     studio.page.keyboard.press("Escape")
     check(studio, (width, "inches"))
+    # A text that is cut is found.
+    studio.find("#tab-button-charts").evaluate(
+        "e => { e.style.width = '12px'; e.style.overflow = 'hidden' }"
+    )
+    assert text_faults(studio.page)
 
 
 @pytest.mark.parametrize("size", SIZES[:2], ids=[str(x[0]) for x in SIZES[:2]])

@@ -18,7 +18,8 @@ MEASURE = """() => {
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     const said = node.textContent.trim();
     const element = node.parentElement;
-    if (!said || !element.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
+    const seen = { visibilityProperty: true, opacityProperty: true };
+    if (!said || !element.checkVisibility(seen)) continue;
     if (element.closest(".unseen, .skip, svg, option, datalist, dialog:not([open])")) continue;
     const range = document.createRange();
     range.selectNodeContents(node);
@@ -31,7 +32,9 @@ MEASURE = """() => {
       for (let outer = element; outer && outer !== document.body; outer = outer.parentElement) {
         const style = getComputedStyle(outer);
         if (style.position === "fixed") break;
-        if (style.overflowX === "visible" && style.overflowY === "visible") continue;
+        const isContained = /content|strict|paint/.test(style.contain);
+        const isOpen = style.overflowX === "visible" && style.overflowY === "visible";
+        if (isOpen && !isContained) continue;
         const frame = outer.getBoundingClientRect();
         // A long name may end with dots, if its element has a title with all of it.
         if (style.textOverflow === "ellipsis" && outer.title) {
@@ -39,16 +42,21 @@ MEASURE = """() => {
           continue;
         }
         const scrolls = [clipped.test(style.overflowX), clipped.test(style.overflowY)];
-        const [across, down] = [Math.max(frame.left - left, right - frame.right), Math.max(frame.top - top, bottom - frame.bottom)];
-        const isOutside = right <= frame.left || left >= frame.right || bottom <= frame.top || top >= frame.bottom;
+        const across = Math.max(frame.left - left, right - frame.right);
+        const down = Math.max(frame.top - top, bottom - frame.bottom);
+        const isBeside = right <= frame.left || left >= frame.right;
+        const isOutside = isBeside || bottom <= frame.top || top >= frame.bottom;
         if (isOutside || (scrolls[1] && down > 0) || (scrolls[0] && across > 0)) {
           isScrolledAway = true;
           break;
         }
-        if (across > LEAST || down > LEAST) faults.push(`cut: ${said.slice(0, 60)} (${Math.round(Math.max(across, down))} px in ${outer.id || outer.className || outer.tagName})`);
+        const name = outer.id || outer.className || outer.tagName;
+        const by = Math.round(Math.max(across, down));
+        if (by > LEAST) faults.push(`cut: ${said.slice(0, 60)} (${by} px in ${name})`);
       }
       if (isScrolledAway) continue;
-      if (right > innerWidth + LEAST || left < -LEAST) faults.push(`outside: ${said.slice(0, 60)}`);
+      const isOut = right > innerWidth + LEAST || left < -LEAST;
+      if (isOut) faults.push(`outside: ${said.slice(0, 60)}`);
       texts.push({ said, element, left, right, top, bottom });
     }
   }
@@ -58,7 +66,8 @@ MEASURE = """() => {
     for (const b of texts.slice(k + 1)) {
       const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
       const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-      if (across <= LEAST || down <= LEAST || a.element === b.element || layerOf(a.element) !== layerOf(b.element)) continue;
+      if (across <= LEAST || down <= LEAST || a.element === b.element) continue;
+      if (layerOf(a.element) !== layerOf(b.element)) continue;
       if (open && !open.contains(a.element)) continue;
       faults.push(`over each other: ${a.said.slice(0, 40)} and ${b.said.slice(0, 40)}`);
     }

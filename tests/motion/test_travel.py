@@ -5,7 +5,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.motion import PathLaw, Trajectory
-from armcontour.motion.derivative_bounds import joint_travel
+from armcontour.motion.derivative_bounds import joint_travel, travel_in_parts
 from armcontour.motion.laws import Rates
 
 ARM = ac.load_arm("pmk3s")
@@ -66,3 +66,22 @@ def test_the_bounds_of_travel_apply_to_executed_motions(servo):
     coarse, fine = (ac.simulate(set_points, plant, resolution=x) for x in (4, 32))
     bound = bound_at(coarse, fine.t)
     assert (np.abs(np.diff(fine.q, axis=0)) <= np.diff(bound, axis=0) + 1e-12).all()
+
+
+@pytest.mark.parametrize("size", [1, 50, 333, 100_000])
+def test_travel_in_parts_is_that_of_the_whole_motion(size):
+    # Parts begin and end within laws, and have several laws.
+    squares = [ac.Path.polyline([[x, 0.1], [x + 0.01, 0.1], [x + 0.01, 0.12]]) for x in (0.35, 0.4)]
+    program = ac.Program(moves=tuple(ac.Contour(path=x) for x in squares))
+    motion = ac.plan(program, ARM, LIMITS, ac.Optimal(intervals=60))
+    assert len(motion.laws) > 2
+    times, travel = joint_travel(motion)
+    first = 0
+    for t, since_start in travel_in_parts(motion, size):
+        last = first + len(t) - 1
+        np.testing.assert_array_equal(t, times[first : last + 1])
+        expected = travel[first : last + 1] - travel[first]
+        np.testing.assert_allclose(since_start, expected, rtol=1e-12, atol=1e-12)
+        assert len(t) - 1 == min(size, len(times) - 1 - first)
+        first = last
+    assert first == len(times) - 1

@@ -291,7 +291,14 @@ def test_the_reserve_applies_to_rapids():
             times = [np.ptp(x.t) for x in trajectory.contour_spans]
             assert times == pytest.approx(alone, rel=1e-9)
     assert ratios == pytest.approx([1.0, 0.6], abs=1e-3)
-    assert progress_log == [Step(("timing",), x) for x in (0.5, 1.0)] * 2
+    assert (
+        progress_log
+        == [
+            Step(("timing",), 0.5, "contour 1 of 2"),
+            Step(("timing",), 1.0, "contour 2 of 2"),
+        ]
+        * 2
+    )
 
 
 def test_errors_name_the_contour_or_the_rapid(refuses):
@@ -426,7 +433,10 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
     program = ac.prepare(program_of(SQUARE, BEND), AROUND)
     progress_log = []
     traced = trace_program(program, PMK3S, IN_PLANE, progress=progress_log.append)
-    assert progress_log == [Step(("tracing",), x) for x in (0.5, 1.0)]
+    assert progress_log == [
+        Step(("tracing",), 0.5, "contour 1 of 2"),
+        Step(("tracing",), 1.0, "contour 2 of 2"),
+    ]
     whole = ac.plan(program, PMK3S, IN_PLANE, ac.Optimal(reserve=0.2))
     tracing = sys.modules["armcontour.planning.program_tracing"]
     for name in ("trace_by_duration", "trace"):

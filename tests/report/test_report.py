@@ -43,8 +43,8 @@ def page(job_result):
 
 
 def written(value, unit):
-    """A value on a page: lengths have at most three decimals of a millimetre."""
-    if unit == "m" and value < 1e-4:
+    """A value on a page: small lengths have three decimals of a millimetre."""
+    if unit == "m" and value < 1e-5:
         return f"{value * 1e3:.3f} mm" if value >= 1e-6 else "&lt; 0.001 mm"
     return number(value, unit)
 

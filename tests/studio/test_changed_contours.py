@@ -8,7 +8,6 @@ import pytest
 
 import armcontour as ac
 from armcontour.files.job_file import drawing_text, read_job_mapping
-from armcontour.planning import program_timing
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks.figures import figures
 from armcontour.studio.tasks.request import Request
@@ -35,16 +34,16 @@ def text(tmp_path):
 
 @pytest.fixture
 def timed(monkeypatch):
-    """The moves that are timed, as pairs of their joint path and whether they are contours."""
-    moves = []
-    time_move = program_timing._time_move
+    """The joint paths of the contours that are timed."""
+    joint_paths = []
+    time = ac.Optimal.time
 
-    def record(timing, rapid_speed, move):
-        moves.append(move)
-        return time_move(timing, rapid_speed, move)
+    def record(options, joint_path, arm, limits):
+        joint_paths.append(joint_path)
+        return time(options, joint_path, arm, limits)
 
-    monkeypatch.setattr(program_timing, "_time_move", record)
-    return moves
+    monkeypatch.setattr(ac.Optimal, "time", record)
+    return joint_paths
 
 
 def slower(data, name, speed="30 mm/s"):

@@ -114,7 +114,8 @@ const view = new Viewport();
 view.resize({ width: given.width, height: 800 });
 view.scale = given.scale;
 const marks = given.starts.map(([u, v], k) => ({
-  at: [u, v], out: [1, 0], centre: [u - given.radius, v], size: 2 * given.radius, number: String(k + 1),
+  at: [u, v], out: [1, 0], centre: [u - given.radius, v], size: 2 * given.radius,
+  number: String(k + 1),
 }));
 tell(placeNumbers(marks, view, given.selected));
 """

@@ -42,6 +42,8 @@ class ShapingOutcome(Frozen):
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
+            The search times joint splines, whose durations differ slightly from those of the traced
+            paths.
         note: Reason why the path has the shape of a start, one clause; None after a search.
         joints: Joint positions at the start of the program with this path, near which an arm in
             space has these durations [rad]; None for the default configuration.

@@ -41,6 +41,8 @@ from armcontour.geometry.shaped_path import check_correspondence
 # Rounding errors of distances and arc lengths, in metres plus the same fraction of the path's size.
 # Tolerances and reach may be exceeded by this value.
 SLACK = 1e-12
+# All corners of an objective
+ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -183,21 +185,35 @@ class Tube(Frozen):
             InvalidInput: The places do not run from start to end of both paths, the path has
                 another dimension than the objective, or the path has transitions.
         """
-        from armcontour.geometry.kernels import TubePieces, bound_excess
-
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
                 f"The path and its objective must have the same number of coordinates, but have "
                 f"{path.dimension} and {self.objective.dimension}."
             )
         _check_no_transitions(path.segments)
-        pairs = check_correspondence(places, self.objective, path)
+        return self.prove_part(path, check_correspondence(places, self.objective, path), reach)
+
+    def prove_part(
+        self, path: Path, places: FloatArray, reach: npt.ArrayLike, corners: slice = ALL
+    ) -> Proof:
+        """Bound distances as `prove` does, for a path along a part of the objective.
+
+        Args:
+            path: Lines and arcs.
+            places: Corresponding arc lengths on the objective and on the path [m], neither
+                decreasing, (n, 2); linear between them. Those on the path run from its start to its
+                end.
+            reach: As in `prove`.
+            corners: The corners of the part.
+        """
+        from armcontour.geometry.kernels import TubePieces, bound_excess
+
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
         # The reach includes rounding errors, so an arc length slightly beyond the end of its piece
         # still belongs to the piece.
-        reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
-        segment, parts = self._divide(path, pairs, reaches)
+        reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(places))
+        segment, parts = self._divide(path, places, reaches)
         # Arc length on the objective and reach at both ends of each part.
         centres = parts[:, 1::3]
         part_reaches = parts[:, 2::3]
@@ -209,8 +225,9 @@ class Tube(Frozen):
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
-        distance, _ = self.nearest_to_corners(path, pairs, reaches)
-        return Proof(segments=segments, vertices=distance - self.vertex_tolerance, slack=slack)
+        distance, _ = self.nearest_to_corners(path, places, reaches, corners)
+        vertices = distance - self.vertex_tolerance[corners]
+        return Proof(segments=segments, vertices=vertices, slack=slack)
 
     def windows_between(self, low: FloatArray, high: FloatArray) -> IntArray:
         """Return the indices of the first and the last piece of arc length ranges, (n, 2).
@@ -251,21 +268,28 @@ class Tube(Frozen):
             ends += [u, centre, reach[k] + share * (reach[k + 1] - reach[k])]
         return segment, np.stack(ends, axis=1)
 
+    def corners_between(self, low: float, high: float) -> slice:
+        """Return the corners between two arc lengths on the objective [m], less the ends."""
+        corner_s = self.objective.breaks[self.vertex]
+        first = np.searchsorted(corner_s, low, side="right")
+        return slice(int(first), int(np.searchsorted(corner_s, high, side="left")))
+
     def nearest_to_corners(
-        self, path: Path, places: FloatArray, reach: FloatArray
+        self, path: Path, places: FloatArray, reach: FloatArray, corners: slice = ALL
     ) -> tuple[FloatArray, FloatArray]:
         """Return each corner's distance from its part of a path, and the nearest arc length [m].
 
         - `places`: corresponding arc lengths on the objective and on the path [m], (n, 2).
         - `reach`: half length of the part at each row of `places` [m], (n,).
+        - `corners`: the corners, by default all.
         """
-        corner_s = self.objective.breaks[self.vertex]
+        corner_s = self.objective.breaks[self.vertex[corners]]
         objective_s = places[:, 0]
         path_s = places[:, 1]
         half = np.interp(corner_s, objective_s, reach)
         ends = [np.interp(x, objective_s, path_s) for x in (corner_s - half, corner_s + half)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
-        points = self.objective.vertices[self.vertex]
+        points = self.objective.vertices[self.vertex[corners]]
         return _nearest_in_range(
             points, np.stack(ends, axis=1), windows, pack_segments(path.segments)
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import singledispatch
 from typing import TypeAlias
 
@@ -64,6 +64,50 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
     travel[1:] *= np.diff(t)[:, None] * (1 + BOUND_ROUNDING)
     np.cumsum(travel, axis=0, out=travel)
     return t, travel
+
+
+def travel_in_parts(
+    motion: Trajectory | Execution | JointPath, size: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the parts of a motion with `size` intervals each, as `joint_travel`.
+
+    The parts of a long trajectory need little memory, because only one exists at a time.
+
+    Yields the times of a part [s], (n + 1,), and bounds of the travel since its start, (n + 1,
+    dof).
+    """
+    if not isinstance(motion, Trajectory):
+        t, travel = joint_travel(motion)
+        for first in range(0, len(t) - 1, size):
+            part = slice(first, first + size + 1)
+            yield t[part], travel[part] - travel[first]
+        return
+    # Breaks and bounds of the velocities in the intervals after them, of laws that are not in a
+    # part yet.
+    breaks = list[FloatArray]()
+    bounds = list[FloatArray]()
+    count = 0
+    for start, law in zip(motion.starts, motion.laws, strict=False):
+        breaks.append(start + law.breaks[:-1])
+        bounds.append(bound_joint_velocities(law))
+        count += len(bounds[-1])
+        # The end of the last interval of a part is the next break.
+        while count > size:
+            t = np.concatenate(breaks)
+            speeds = np.concatenate(bounds)
+            yield t[: size + 1], _add_up(t[: size + 1], speeds[:size])
+            breaks = [t[size:]]
+            bounds = [speeds[size:]]
+            count -= size
+    t = np.append(np.concatenate(breaks), motion.starts[-1])
+    yield t, _add_up(t, np.concatenate(bounds))
+
+
+def _add_up(t: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Add up the travel in intervals, (n + 1, dof), from bounds of the speeds, (n, dof)."""
+    travel = np.zeros((len(t), speeds.shape[1]))
+    np.multiply(speeds, np.diff(t)[:, None] * (1 + BOUND_ROUNDING), out=travel[1:])
+    return np.cumsum(travel, axis=0, out=travel)
 
 
 def largest_accelerations(motion: Execution) -> FloatArray:

@@ -468,7 +468,7 @@ class ToolMetric:
         breaks = joint_path.breaks
         pieces = np.arange(len(joint_path.breaks) - 1)
         s = breaks[:-1] + PIECE_SAMPLES * (breaks[1:] - breaks[:-1])
-        samples = _measure(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
+        samples = measure_tool(joint_path, arm, np.broadcast_to(pieces, s.shape), s)
         largest, smallest = samples.max(axis=1), samples.min(axis=1)
         speed, curvature = 2 * largest - smallest
         uneven = (largest[1] > STRAIGHT_CURVATURE) & (
@@ -504,7 +504,7 @@ class ToolMetric:
             s = grid.s[i] + INTERVAL_SAMPLES[:-1] * grid.width[i]
             places = np.append(s.ravel(), grid.s[i[alone] + 1])
             pieces = np.append(np.tile(piece, len(s)), piece[alone])
-            _, values = _measure(self.joint_path, self.arm, pieces, places)
+            _, values = measure_tool(self.joint_path, self.arm, pieces, places)
             sampled = np.empty((2, len(i)))
             inside = values[: s.size].reshape(s.shape)
             write_chords(inside, values[s.size :], alone, STRAIGHT_CURVATURE, sampled)
@@ -512,7 +512,7 @@ class ToolMetric:
         return chords
 
 
-def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
+def measure_tool(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
     """Return tool speed [-] and normal tool acceleration [1/m] at ds = 1, (2, *s.shape)."""
     speed, _, across = speed_and_acceleration(
         *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
@@ -613,7 +613,7 @@ class RapidSpeed(ToolConstraint):
         grid = path.grid
         s = grid.s[:-1] + INTERVAL_SAMPLES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
-        speed = _measure(grid.joint_path, self.arm, pieces, s)[0]
+        speed = measure_tool(grid.joint_path, self.arm, pieces, s)[0]
         bound = 2 * speed.max(axis=0) - speed.min(axis=0)
         with np.errstate(divide="ignore"):
             ceiling = (self.limit / bound) ** 2

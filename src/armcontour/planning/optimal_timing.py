@@ -13,11 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field, replace
+from functools import lru_cache
 from typing import Annotated, NoReturn
 
 import numpy as np
 
 from armcontour.core import checks
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import declared
 from armcontour.core.quantities import NO_KEY, AtLeast, Quantity
@@ -331,9 +333,21 @@ def _add_stops(limits: GridLimits, grid: Grid) -> GridLimits:
 
 def _make_law(grid: Grid, plan: GridPlan) -> PathLaw:
     """Make the time law of a grid plan, with path acceleration linear in s on every interval."""
-    # Zeros of a new array take no memory until they are written.
-    rates = Rates(ds=plan.ds, dds=plan.dds, slope=plan.k, jerk=np.zeros(len(plan.k)))
+    rates = Rates(ds=plan.ds, dds=plan.dds, slope=plan.k, jerk=_zeros(len(plan.k)))
     return PathLaw.from_plan(grid.joint_path, plan.breaks, grid.s, rates)
+
+
+def _zeros(count: int) -> FloatArray:
+    """Return read-only zeros, which the laws of a long program share to save memory."""
+    return _shared_zeros(1 << count.bit_length())[:count]
+
+
+@lru_cache(maxsize=8)
+def _shared_zeros(count: int) -> FloatArray:
+    """Return a read-only array of zeros, the same for each call."""
+    zeros = np.zeros(count)
+    zeros.setflags(write=False)
+    return zeros
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:

@@ -481,8 +481,8 @@ class _Tracer:
                 else:
                     durations[k] = duration
                 continue
-            for k in np.flatnonzero(as_fast):
-                yield joint_paths[k]
+            for index in np.flatnonzero(as_fast):
+                yield joint_paths[index]
             waiting &= ~as_fast
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> Iterator[float]:

@@ -38,9 +38,9 @@ X_DIGITS = 7
 HEIGHT = 150
 # Values whose digits say nothing to a reader, see `render.SIX_DECIMALS_BELOW`.
 TINY = re.compile(r"(?<![\d.])-?0\.000\d{3}(?= [\w%])")
-# Lengths, angles and shares with more decimals than a page shows.
-FINE = re.compile(r"(?<![\d.])-?0\.0\d{3,}(?= (?:mm|deg|%))")
-# Decimals of these values on a page, so that none has more than another one beside it.
+# Lengths and angles near TINY with more decimals than a page shows.
+FINE = re.compile(r"(?<![\d.])-?0\.00\d{3,}(?= (?:mm|deg))")
+# Decimals of these values on a page, so that they match a tiny value beside them.
 DECIMALS = 3
 
 

@@ -194,7 +194,7 @@ class Editor:
         return Revision(change_data(self.state.data, changes))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """Return the run to show: the last shown, the one before, the first optimal, or the first."""
+        """Return the run to show: the last one, the one before, the first optimal, or the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]

@@ -9,6 +9,9 @@ from scipy.optimize import linprog
 
 from armcontour.planning.shaping.quadratic_program import solve_program
 
+# Accuracy of the solutions, relative to the largest cost.
+GAP = 1e-8
+
 
 def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
     """Rows with and without zeros at their ends, between the first node and the last."""
@@ -22,7 +25,7 @@ def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
         bounds = [rng.uniform(0.1, 1.0, (n, 6)), np.full((n, 2 * k), 0.7)]
         bounds = np.concatenate(bounds, axis=1)
         bounds[:, 2] = -1.0  # left out, as its row is empty
-        x, iterations = solve_program(cost, rows, bounds, np.full((n, k), 1e-9))
+        x, iterations = solve_program(cost, rows, bounds, np.full((n, k), 1e-9), GAP)
         matrix = dense(np.delete(rows, 2, axis=1))
         upper = np.delete(bounds, 2, axis=1).ravel()
         exact = linprog(cost.ravel(), matrix, upper, bounds=(None, None))
@@ -32,7 +35,7 @@ def test_quadratic_programs_with_tiny_quadratic_terms_are_solved():
     # An unknown that would be at most -1 and at least 1.
     rows = np.array([[[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]])
     bounds = np.array([[-1.0, -1.0]])
-    _, iterations = solve_program(np.ones((1, 1)), rows, bounds, np.full((1, 1), 1e-6))
+    _, iterations = solve_program(np.ones((1, 1)), rows, bounds, np.full((1, 1), 1e-6), GAP)
     assert iterations < 0
 
 
@@ -90,7 +93,7 @@ def solve_by_clarabel(cost, rows, bounds, weight):
 def test_the_solution_equals_that_of_another_solver(n):
     for k, m, seed in itertools.product((2, 3), (4, 10), range(2)):
         cost, rows, bounds, weight = random_program(seed, n, k, m)
-        solution, iterations = solve_program(cost, rows, bounds, weight)
+        solution, iterations = solve_program(cost, rows, bounds, weight, GAP)
         assert 0 < iterations < 40
         expected = solve_by_clarabel(cost, rows, bounds, weight)
 

@@ -22,7 +22,7 @@ LINES = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)
 
 
 @pytest.mark.parametrize("centripetal", [0.09, None])
-def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
+def test_the_search_stays_within_the_tube_and_gets_faster(arm, centripetal):
     limits = ac.Limits.only(
         speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
     ).for_joints(2)
@@ -30,19 +30,18 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     options = ac.Shaped(tolerance=1e-3)
     timer = Timer(arm, limits, "positive", None, 800)
     search = next(make_searches(LINES, tube, timer, options.tolerances))
-    durations = []
-    for _, candidate in zip(range(8), search.run(), strict=False):
-        durations.append(candidate.duration)
+    for iterations in (1, 8):
+        search = next(make_searches(LINES, tube, timer, options.tolerances))
+        candidate = search.run(iterations, lambda share: None)
         proof = prove(tube, candidate.path, candidate.places)
         spreads = candidate.path.curve.spreads
         assert (proof.segments + np.repeat(spreads, 2) <= proof.slack).all()
         assert (proof.vertices + spreads.max() <= proof.slack).all()
-        # What the tool draws is the spline of the best state.
-        assert len(search.state.h) == len(search.nodes)
-        np.testing.assert_allclose(search.state.h.sum(), candidate.duration, rtol=1e-9)
-    # The first spline may be slower than the start that it is drawn from.
-    assert all(b <= a for a, b in zip(durations[:-1], durations[1:], strict=True))
-    assert durations[-1] < 0.97 * search.start.duration
+        # The timing of the spline, which compares shapes, is close to that of the traced path.
+        assert len(search.durations) == iterations
+        assert search.durations[-1] == pytest.approx(candidate.duration, rel=2e-3)
+    assert (np.diff(search.durations) <= 0).all()
+    assert candidate.duration < 0.97 * search.start.duration
 
 
 def test_unsupported_paths_keep_their_start_with_a_note(arm, limits):
@@ -132,7 +131,8 @@ def case(request):
 def drawn(case):
     arm, objective, _, nodes = case
     spline = JointSpline(q=nodes.q, h=np.diff(nodes.times), rest=nodes.rest)
-    return draw(spline, arm, objective, nodes.s_objective, nodes.tolerance), spline
+    s_knots = spline.at_knots(nodes.s_objective[:, None])[:, 0]
+    return draw(spline, arm, objective, s_knots, nodes.tolerance), spline
 
 
 # Spans of the spline.

@@ -11,6 +11,7 @@ from soak.shaping import Problem, judge
 import armcontour as ac
 from armcontour.planning import trace_program
 from armcontour.planning.shaping import shape, shape_search, shaper
+from armcontour.planning.shaping.quadratic_program import solve_program
 
 
 def square(x):
@@ -65,25 +66,30 @@ def test_errors_of_worker_processes_name_the_contour(arm, limits, pickled, monke
     assert error.value.s == 0.5
 
 
-def test_a_long_path_shaped_in_parts_is_about_as_fast_as_in_one_part(arm, limits, monkeypatch):
-    corners = np.stack([np.linspace(0.15, 0.35, 9), 0.22 + 0.02 * (-1.0) ** np.arange(9)], axis=1)
-    options = {"tolerance": 2e-3}
-    path = ac.Path.polyline(corners)
+def zigzag(corners):
+    x = np.linspace(0.15, 0.35, corners + 2)
+    return ac.Path.polyline(np.stack([x, 0.22 + 0.02 * (-1.0) ** np.arange(corners + 2)], axis=1))
+
+
+def test_each_corner_of_a_long_path_is_shaped_until_it_has_converged(arm, limits, monkeypatch):
+    path = zigzag(14)
+    options = {"tolerance": 1e-3}
     problem = Problem(seed=0, kind="", objective=path, arm=arm, limits=limits, options=options)
+    sizes = []
 
-    def plan():
-        more = {"iterations": 12, "intervals": 1000}
-        return ac.plan(path, arm, limits, ac.Shaped(**options, **more))
+    def count(cost, *program):
+        sizes.append(len(cost))
+        return solve_program(cost, *program)
 
-    whole = plan()
-    monkeypatch.setattr(shape_search, "MANY_CORNERS", 4)
-    monkeypatch.setattr(shape_search, "CHUNKED", 4)
-    monkeypatch.setattr(shape_search, "CORNERS", 4)
-    parts = plan()
-    assert parts.duration < 1.005 * whole.duration
-    history = parts.path.outcome.history
+    monkeypatch.setattr(shape_search, "solve_program", count)
+    planned = ac.plan(path, arm, limits, ac.Shaped(**options))
+    history = planned.path.outcome.history
     assert (np.diff(history) <= 0).all() and len(history) > 5
-    assert judge(parts, problem) == []
+    assert judge(planned, problem) == []
+    assert planned.duration < 0.98 * planned.path.outcome.durations["parabolas"]
+    # The first programs contain all nodes, later ones only those near corners that still improve.
+    assert min(sizes) < 0.7 * max(sizes)
+    assert sizes[0] == max(sizes)
 
 
 LINES = [(0.35, 0.10), (0.41, 0.15), (0.28, 0.30), (0.35, 0.35)]

@@ -16,9 +16,6 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 
-# Average product of slack and multiplier below which the iterations converge, as a fraction of the
-# largest cost; rows and unknowns are scaled to the order of 1.
-CONVERGED_GAP = 1e-8
 # Largest violation of a row below which the iterations converge.
 VIOLATION = 1e-8
 # Largest number of iterations.
@@ -62,7 +59,7 @@ class _Residuals(NamedTuple):
 
 @compiled(fastmath=FUSED)
 def solve_program(
-    cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
+    cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray, gap_share: float
 ) -> ProgramSolution:
     """Solve the quadratic program; without convergence the result is the last iterate.
 
@@ -79,6 +76,8 @@ def solve_program(
       node itself and of the next node, (n, m, 3 k); rows of zeros are ignored.
     - `bounds`: upper bounds of the rows, (n, m).
     - `weight`: positive weights of the squares of the unknowns, (n, k).
+    - `gap_share`: average product of slack and multiplier below which the iterations converge, as a
+      fraction of the largest cost; rows and unknowns are scaled to the order of 1.
     """
     n, k = cost.shape
     packed = _pack(rows, bounds)
@@ -96,7 +95,7 @@ def solve_program(
     matrix = np.empty((n * k, 3 * k))
     for iteration in range(MAX_PROGRAM_ITERATIONS):
         gap, worst = _write_residuals(packed, point, residuals)
-        if gap < CONVERGED_GAP * largest and worst < VIOLATION:
+        if gap < gap_share * largest and worst < VIOLATION:
             return ProgramSolution(point.x.reshape(n, k), iteration)
         _normal_matrix(packed, point, w, matrix)
         if not _factor(matrix):

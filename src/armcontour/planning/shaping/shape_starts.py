@@ -15,6 +15,7 @@ from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_path
 from armcontour.geometry.rounding.rounded_path import Curve
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
+from armcontour.geometry.tube import ALL
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import trace_by_duration
@@ -41,7 +42,13 @@ SMALLEST_RADIUS = 1e-10
 MATCH_CORRECTION = 6.0
 
 
-def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
+def match(
+    tube: Tube,
+    path: Path,
+    matches: FloatArray,
+    reach: FloatArray | float,
+    corners: slice = ALL,
+) -> FloatArray:
     """Match a path to the objective: arc lengths of nearest points on both [m], (m, 2).
 
     The path passes a corner at its point nearest to the corner. Points before this point match the
@@ -51,9 +58,11 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
       (n, 2).
     - `reach`: largest distance along the objective between exact and approximate match [m], one
       number or one per row, (n,).
+    - `corners`: the corners of the objective that the path passes; by default all, then the path
+      follows the whole objective.
     """
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
-    _, passed = tube.nearest_to_corners(path, matches, reaches)
+    _, passed = tube.nearest_to_corners(path, matches, reaches, corners)
     passed = np.maximum.accumulate(passed)
     count = np.maximum(np.ceil(path.curvatures * path.lengths / MATCH_TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
@@ -67,20 +76,31 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     s = s[order]
     stretch = stretch[order]
     guess, around = (np.interp(s, matches[:, 1], x) for x in (matches[:, 0], reaches))
-    corners = np.concatenate([[0.0], tube.objective.breaks[tube.vertex], [tube.breaks[-1]]])
-    low = np.clip(guess - around, corners[stretch], corners[stretch + 1])
-    high = np.clip(guess + around, corners[stretch], corners[stretch + 1])
+    # The stretches of the part end at its corners, and at the corners next to the part.
+    inner = tube.objective.breaks[tube.vertex]
+    bounds = np.concatenate([[0.0], inner, [tube.breaks[-1]]])
+    first = corners.indices(len(inner))[0]
+    bounds = bounds[first : first + len(passed) + 2]
+    low = np.clip(guess - around, bounds[stretch], bounds[stretch + 1])
+    high = np.clip(guess + around, bounds[stretch], bounds[stretch + 1])
     s_objective = np.maximum.accumulate(tube.nearest(path(s), low, high))
-    s_objective[0] = 0.0
-    s_objective[-1] = tube.objective.length
+    if corners == ALL:
+        s_objective[0] = 0.0
+        s_objective[-1] = tube.objective.length
     return np.stack([s_objective, s], axis=1)
 
 
-def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
-    """Bound how far each point of a path is from the objective near its matching point."""
+def prove(tube: Tube, path: Path, matches: FloatArray, corners: slice = ALL) -> Proof:
+    """Bound how far each point of a path is from the objective near its matching point.
+
+    `corners` are those of the part of the objective that the path follows, by default all.
+    """
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
-    return tube.prove(path, matches, MATCH_TOLERANCE * tube.tolerance[piece])
+    reach = MATCH_TOLERANCE * tube.tolerance[piece]
+    if corners == ALL:
+        return tube.prove(path, matches, reach)
+    return tube.prove_part(path, matches, reach, corners)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
-from itertools import islice
 from typing import Annotated, cast, overload
 
 import numpy as np
@@ -424,12 +423,12 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
             continue
         remaining = options.iterations - len(history) + 1
         allowed = min(remaining, int(remaining_work / search.size))
-        before = len(history)
-        for candidate in islice(search.run(), allowed):
+        candidate = search.run(allowed, report)
+        if candidate is not None:
             best = min(best, candidate, key=lambda x: x.duration)
-            history.append(best.duration)
-            report((len(history) - 1) / options.iterations)
-        done = len(history) - before
+        for duration in search.durations:
+            history.append(min(history[-1], duration))
+        done = len(search.durations)
         remaining_work -= done * search.size
         unfinished |= done == allowed < remaining
         # Another start usually leads to the same shape.

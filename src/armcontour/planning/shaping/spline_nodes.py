@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,8 @@ SAME_ARC_LENGTH = 1e-9
 MATCH_REACH = 3.0
 # Number of directions of the bounds of offsets in space.
 OFFSET_DIRECTIONS = 12
+# All nodes
+EVERY = slice(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,6 +97,15 @@ class NearPath:
 
             free = null_space(arm, poses, task, q)
         return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)
+
+    def part(self, nodes: slice) -> NearPath:
+        """Return the inverse kinematics at a part of the points."""
+        return replace(
+            self,
+            q=self.q[nodes],
+            poses=None if self.poses is None else self.poses[nodes],
+            free=None if self.free is None else self.free[nodes],
+        )
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
         """Return joint positions with the tool at `points` [m], near a guess [rad], (n, dof)."""
@@ -174,44 +185,50 @@ class Nodes:
         """Number of nodes."""
         return len(self.s_objective)
 
-    def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Return the largest offsets in each direction of `sides` [m], (n, m).
+    def bounds(self, tube: Tube, inside: FloatArray, nodes: IntArray | slice = EVERY) -> FloatArray:
+        """Return the largest offsets in each direction of `sides` [m], (m, directions).
 
-        `inside` is the fraction of the tolerance that offsets must not use, (n,).
+        - `inside`: fraction of the tolerance that offsets must not use, (n,).
+        - `nodes`: the m nodes, by default all.
         """
-        windows = self._windows(tube)
-        spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
-        margin = spare + self.tolerance - self.smallest
-        at_corner = self.vertex >= 0
-        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        windows = self._windows(tube, nodes)
+        smallest = self.smallest[nodes]
+        tolerance = self.tolerance[nodes]
+        spare = inside[nodes] * smallest + np.minimum(self.sag[nodes], 0.3 * smallest)
+        margin = spare + tolerance - smallest
+        vertex = self.vertex[nodes]
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[vertex]]
         allowed = np.where(
-            at_corner, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf
+            vertex >= 0, np.append(tube.vertex_tolerance, 0.0)[vertex] - spare, np.inf
         )
+        nodes_at = self.points[nodes]
 
         def is_inside(offset: FloatArray, direction: FloatArray) -> BoolArray:
-            points = self.points + offset[:, None] * direction
+            points = nodes_at + offset[:, None] * direction
             deviation = np.linalg.norm(points - corners, axis=1)
             return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
-        offsets = np.zeros((len(self), len(self.sides)))
+        offsets = np.zeros((len(tolerance), len(self.sides)))
         # The bounds form an inscribed polygon, because the tube is not evaluated between the
         # directions of the sides.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
-            direction = self.frames @ side
-            offsets[:, j] = share * _farthest(is_inside, direction, self.tolerance)
-        offsets[self.fixed] = 0.0
+            direction = self.frames[nodes] @ side
+            offsets[:, j] = share * _farthest(is_inside, direction, tolerance)
+        offsets[self.fixed[nodes]] = 0.0
         return offsets
 
-    def _windows(self, tube: Tube) -> IntArray:
-        """Return the first and last piece of the tube that each node may match, (n, 2)."""
+    def _windows(self, tube: Tube, nodes: IntArray | slice) -> IntArray:
+        """Return the first and last piece of the tube that each of m nodes may match, (m, 2)."""
         # Matches stay between two corners. A node at a corner may match the pieces on both sides.
+        s = self.s_objective[nodes]
+        reach = self.reach[nodes]
         ends = tube.objective.breaks[tube.vertex]
         corners = np.concatenate([[-np.inf], ends, [np.inf]])
-        low = corners[np.searchsorted(ends, self.s_objective - SAME_ARC_LENGTH, side="right")]
-        high = corners[np.searchsorted(ends, self.s_objective + SAME_ARC_LENGTH, side="left") + 1]
-        low = np.maximum(self.s_objective - self.reach, low + SAME_ARC_LENGTH)
-        high = np.minimum(self.s_objective + self.reach, high - SAME_ARC_LENGTH)
+        low = corners[np.searchsorted(ends, s - SAME_ARC_LENGTH, side="right")]
+        high = corners[np.searchsorted(ends, s + SAME_ARC_LENGTH, side="left") + 1]
+        low = np.maximum(s - reach, low + SAME_ARC_LENGTH)
+        high = np.minimum(s + reach, high - SAME_ARC_LENGTH)
         return tube.windows_between(low, high)
 
 

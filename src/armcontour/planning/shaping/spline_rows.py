@@ -28,34 +28,65 @@ NEVER = 1e6
 LEAST_SPAN = 0.5
 
 
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """Control point next to a part of a longer spline."""
+
+    q: FloatArray  # Joint positions [rad], (dof,)
+    h: float  # Time of its span [s]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointSpline:
-    """Quadratic B-spline in time with n control points, from rest to rest."""
+    """Quadratic B-spline in time with n control points, or a part of a longer spline.
+
+    A spline that is not a part is at rest at both ends.
+    """
 
     q: FloatArray  # Control points [rad], (n, dof)
     h: FloatArray  # Span times [s], (n,)
     # True if the joints rest at a knot before, between or after the spans, (n + 1,). Both control
     # points next to a rest between spans are at the rest.
     rest: BoolArray
+    before: Neighbour | None = None  # Control point before those of a part; None at the start
+    after: Neighbour | None = None  # Control point after those of a part; None at the end
 
     @property
     def velocities(self) -> FloatArray:
         """Joint velocities at the knots before, between and after the spans, (n + 1, dof)."""
         e = np.zeros((len(self.q) + 1, self.q.shape[1]))
         e[1:-1] = 2 * np.diff(self.q, axis=0) / (self.h[1:] + self.h[:-1])[:, None]
+        if self.before is not None:
+            e[0] = 2 * (self.q[0] - self.before.q) / (self.h[0] + self.before.h)
+        if self.after is not None:
+            e[-1] = 2 * (self.after.q - self.q[-1]) / (self.h[-1] + self.after.h)
         e[self.rest] = 0.0
         return e
 
     @property
     def knots(self) -> FloatArray:
         """Joint positions at the knots before, between and after the spans, (n + 1, dof)."""
-        return self.at_knots(self.q)
+        before = None if self.before is None else self.before.q
+        after = None if self.after is None else self.after.q
+        return self.at_knots(self.q, before, after)
 
-    def at_knots(self, values: FloatArray) -> FloatArray:
-        """Interpolate values at the control points, (n, k), to values at the knots, (n + 1, k)."""
+    def at_knots(
+        self, values: FloatArray, before: FloatArray | None = None, after: FloatArray | None = None
+    ) -> FloatArray:
+        """Interpolate values at the control points, (n, k), to values at the knots, (n + 1, k).
+
+        - `before`, `after`: values at the control points next to a part of a spline, (k,).
+        """
         h = self.h[:, None]
-        inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
-        return np.concatenate([values[:1], inner, values[-1:]])
+        out = np.empty((len(values) + 1, values.shape[1]))
+        out[1:-1] = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+        out[0] = values[0]
+        out[-1] = values[-1]
+        if self.before is not None and before is not None:
+            out[0] = (h[0] * before + self.before.h * values[0]) / (h[0] + self.before.h)
+        if self.after is not None and after is not None:
+            out[-1] = (self.after.h * values[-1] + h[-1] * after) / (h[-1] + self.after.h)
+        return out
 
 
 @dataclass(slots=True)
@@ -280,10 +311,12 @@ def assemble(
     - `steps`: derivatives of each control point with respect to its offsets [rad/m], (n, dof, k).
     - `unit`: scale of the offsets of each node, 0 if fixed [m], (n,).
     """
+    # The velocities at both ends of the spline do not change: they are zero at rests, and the
+    # control points next to the ends of a part are fixed.
     n, dof, k = steps.shape
     e = spline.velocities
     h = spline.h
-    pair = np.ones(n + 1)
+    pair = np.full(n + 1, np.inf)
     pair[1:-1] = h[1:] + h[:-1]
     rate = np.where(spline.rest, 0.0, 2 / pair)
     scaled = steps * unit[:, None, None]

@@ -48,17 +48,17 @@ class DrawnPath:
 
 
 def draw(
-    spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
+    spline: JointSpline, arm: Arm, objective: Path, s_knots: FloatArray, tolerance: FloatArray
 ) -> DrawnPath:
     """Compute the tool path of a joint spline.
 
     The distance of the arcs from the curve is a small fraction of the tolerance.
 
-    - `s_objective`: arc lengths on the objective at the control points [m], (n,).
+    - `s_knots`: arc lengths on the objective at the knots [m], (n + 1,).
     - `tolerance`: tolerance at the control points [m], (n,).
     """
     count = _count_parts(spline)
-    drawn = _draw(spline, arm, objective, s_objective, count)
+    drawn = _draw(spline, arm, objective, s_knots, count)
     factor = _refinement_factor(drawn.segments, drawn.curve.spreads, count, tolerance)
     if not (factor > 1).any():
         return drawn
@@ -74,7 +74,7 @@ def draw(
         factor = _refinement_factor(
             arcs, _spreads(arcs, breaks, quintics), count[spans], tolerance[spans]
         )
-    return _draw(spline, arm, objective, s_objective, count)
+    return _draw(spline, arm, objective, s_knots, count)
 
 
 def _refinement_factor(
@@ -116,7 +116,7 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 
 
 def _draw(
-    spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
+    spline: JointSpline, arm: Arm, objective: Path, s_knots: FloatArray, count: IntArray
 ) -> DrawnPath:
     """Compute the tool path of a joint spline with `count`, (n,), parts of each span."""
     span, share = _divide_spans(np.arange(len(count)), count)
@@ -128,14 +128,12 @@ def _draw(
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
     arcs, breaks, coefficients = _fit(begin, (points[1:], into, end[2]))
-    ends = spline.at_knots(s_objective[:, None])[:, 0]
-    s_parts = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
+    s_parts = s_knots[span][:, None] + share * (s_knots[span + 1] - s_knots[span])[:, None]
     segments = _with_columns(arcs, objective, s_parts)
     curve = SmoothCurve(
         breaks=breaks, coefficients=coefficients, spreads=_spreads(segments, breaks, coefficients)
     )
     matches = np.stack([np.append(s_parts[:, 0], s_parts[-1, 1]), breaks], axis=1)
-    matches[[0, -1], 0] = 0.0, objective.length
     matches[:, 0] = np.maximum.accumulate(matches[:, 0])
     knots = np.append(breaks[np.searchsorted(span, np.arange(len(spline.q)))], breaks[-1])
     return DrawnPath(segments=segments, curve=curve, places=matches, knots=knots)

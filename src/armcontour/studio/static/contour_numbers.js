@@ -44,7 +44,7 @@ function candidatesOf({ at, out, centre, number, size }, view) {
   const [x, y] = view.toScreen(at);
   const beside = /** @type {[number, number]} */ ([x + (AWAY + widthOf(number) / 2) * out[0], y - (AWAY + HEIGHT / 3) * out[1]]);
   // In the middle of a large contour are others.
-  const [hasRoom, isSmall] = [size * view.scale > widthOf(number) + HEIGHT / 2, size * view.scale < SMALL];
+  const [hasRoom, isSmall] = [size * view.scale > widthOf(number), size * view.scale < SMALL];
   if (!hasRoom) return [beside];
   return isSmall ? [view.toScreen(centre), beside] : [beside, view.toScreen(centre)];
 }

@@ -53,7 +53,11 @@ function drawer() {
   });
   panel.addEventListener("keydown", (event) => {
     // In a field, Escape gives up what was typed.
-    if (event.key === "Escape" && !(/** @type {Element} */ (event.target).matches("input, textarea"))) show(false);
+    const isField = /** @type {Element} */ (event.target).matches("input, textarea");
+    if (event.key !== "Escape" || isField || document.body.dataset.drawer !== "open") return;
+    // This key leaves neither the selected contour nor the tool.
+    event.preventDefault();
+    show(false);
   });
 }
 

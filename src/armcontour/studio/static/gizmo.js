@@ -40,6 +40,8 @@ export class Gizmo {
     this.placing = placingOf();
     /** @type {Drag | null} */
     this.drag = null;
+    /** Where the pointer is on the page [px]. */
+    this.pointer = [0, 0];
     this.overlay = draw("svg", { class: "gizmo", role: "group", "aria-label": "Gizmo" });
     this.trace = draw("line", { class: "gizmo-trace" });
     this.grips = NAMES.map((name, k) => this.grip(name, k));
@@ -48,6 +50,8 @@ export class Gizmo {
     host.append(this.overlay, this.label);
     this.soon = oncePerFrame(() => this.draw());
     for (const event of ["placing", "view", "document", "refusal"]) store.on(event, this.soon);
+    // The answer may come while the pointer rests.
+    for (const event of ["refusal", "picture"]) store.on(event, () => this.tell());
   }
 
   /** @param {string} name @param {number} k */
@@ -95,7 +99,8 @@ export class Gizmo {
     this.drag = drag;
     this.viewer.controls.enabled = false;
     placing.begin();
-    this.tell(event);
+    this.pointer = [event.clientX, event.clientY];
+    this.tell();
     return true;
   }
 
@@ -108,7 +113,8 @@ export class Gizmo {
     const step = (event.shiftKey ? FINE : STEPS)[Number(drag.k === 3)];
     const value = exact(step * Math.round((drag.value + by) / step));
     if (value !== placing.values[drag.k]) placing.set(drag.k, value, event.timeStamp);
-    this.tell(event);
+    this.pointer = [event.clientX, event.clientY];
+    this.tell();
   }
 
   /** @param {boolean} cancelled */
@@ -159,8 +165,8 @@ export class Gizmo {
     return length(on) === 0 ? null : Math.atan2(dot(on, y), dot(on, x));
   }
 
-  /** Show the figure at the pointer. @param {PointerEvent} event */
-  tell(event) {
+  /** Show the figure at the pointer. */
+  tell() {
     const { drag, label, placing, store } = this;
     if (!drag) return;
     const { factor, unit: lengths } = lengthUnit();
@@ -172,8 +178,8 @@ export class Gizmo {
     label.hidden = false;
     label.dataset.out = String(isOut);
     const { left, top, width } = this.viewer.canvas.getBoundingClientRect();
-    const x = Math.min(event.clientX - left + ASIDE[0], width - label.offsetWidth - 4);
-    const y = Math.max(4, event.clientY - top + ASIDE[1]);
+    const x = Math.min(this.pointer[0] - left + ASIDE[0], width - label.offsetWidth - 4);
+    const y = Math.max(4, this.pointer[1] - top + ASIDE[1]);
     label.style.transform = `translate(${x.toFixed(0)}px, ${y.toFixed(0)}px)`;
   }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -19,7 +19,11 @@ from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampled_data import interpolate
 from armcontour.core.text import clock, list_some, short_repr
 from armcontour.motion import Execution, JointPath, Trajectory, arm_of
-from armcontour.motion.derivative_bounds import joint_travel, largest_accelerations
+from armcontour.motion.derivative_bounds import (
+    joint_travel,
+    largest_accelerations,
+    travel_in_parts,
+)
 from armcontour.robot import Arm
 from armcontour.robot.scene import LeftOut, Scene
 from armcontour.verification.clearance.body_pairs import (
@@ -412,12 +416,12 @@ class _ClearanceSearch:
         # If the resolution is infinite, only the first violation is determined.
         self._resolution = resolution
         self._motion = motion
-        self._t, self._travel = joint_travel(motion)
         self._radii = np.array([x.radii for x in pairs])
         if distances.slides.any():
-            q = motion.q if isinstance(motion, Execution) else motion(self._t)
+            t, travel = self._whole_travel
+            q = motion.q if isinstance(motion, Execution) else motion(t)
             # A joint is at most its travel in an interval away from its position at the start.
-            farthest = (np.abs(q[:-1]) + np.diff(self._travel, axis=0)).max(axis=0)
+            farthest = (np.abs(q[:-1]) + np.diff(travel, axis=0)).max(axis=0)
             self._radii = np.array([x.radii_at(farthest, distances.slides) for x in pairs])
         self._margins = np.array([x.margin for x in pairs])
         self._kinds = np.unique([x.kind for x in pairs], return_inverse=True)[1]
@@ -433,12 +437,15 @@ class _ClearanceSearch:
         self._high = np.full(n, np.inf)
         self._at = np.zeros(n)
 
+    @cached_property
+    def _whole_travel(self) -> tuple[FloatArray, FloatArray]:
+        """Times and joint travel of the whole motion, as of `joint_travel`."""
+        return joint_travel(self._motion)
+
     def run(self) -> bool:
         """Subdivide time windows until all are decided; True if all margins are satisfied."""
-        for first in range(0, len(self._t) - 1, BREAKS_AT_ONCE):
-            last = min(first + BREAKS_AT_ONCE, len(self._t) - 1)
-            travel = self._travel[first : last + 1] - self._travel[first]
-            self._bound_distances(self._t[first : last + 1], travel)
+        for t, travel in travel_in_parts(self._motion, BREAKS_AT_ONCE):
+            self._bound_distances(t, travel)
             if self._resolution == np.inf and self.first_violation < np.inf:
                 return False
         return bool((self._low >= self._margins).all())
@@ -584,19 +591,20 @@ class _ClearanceSearch:
 
         The pair travels at most VIOLATION_TRAVEL between the exact time and the result.
         """
-        travelled = self._travel @ self._radii[k]  # Bound of the approach since the start [m]
+        times, travel = self._whole_travel
+        travelled = travel @ self._radii[k]  # Bound of the approach since the start [m]
         margin = self.pairs[k].margin
         # Windows are ranges of the travel, of which the earliest is searched first.
-        windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
+        windows = [(0.0, float(np.interp(latest, times, travelled)))]
         while windows:
             begin, end = windows.pop()
             edges = np.linspace(begin, end, PIECES + 1)
-            t = np.interp(edges, travelled, self._t)
+            t = np.interp(edges, travelled, times)
             distance = self._measure(np.full(len(t), k), t)
             if distance[0] < margin:
                 # While the arm rests at the start, all times have the same distance. The first of
                 # them counts.
-                return float(t[0] if begin > 0 else self._t[0])
+                return float(t[0] if begin > 0 else times[0])
             low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
             doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()
             if doubtful and end - begin <= VIOLATION_TRAVEL:
