@@ -1,7 +1,7 @@
 """Tasks that create a file, and tasks that read logs of the robot.
 
-Options of tasks with logs: `logs`, names of the logs in the order of the runs, `columns` and `topic`
-as in `read_log`.
+Options of tasks with logs: `logs`, names of the logs in the order of the runs, and `columns` and
+`topic` as in `read_log`.
 """
 
 from __future__ import annotations
