@@ -239,10 +239,7 @@ def instances() -> Iterator[Any]:
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
     yield ac.ServoFit()
-    yield from (
-        ac.ReadOptions(units="mm"),
-        ac.ArmOptions(tip="t"),
-    )
+    yield from (ac.ReadOptions(units="mm"),)
     yield from (Recording(t=x["t"], q=x["wave"]), Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.public_names import PUBLIC
 
 import armcontour as ac
+from armcontour.core.guesses import FORMS, MADE_BY, SAME
 
 DRAWING = Path(__file__).parents[1] / "examples" / "drawings" / "gasket.dxf"
 ARM = ac.load_arm("pmk3s")
@@ -139,3 +141,161 @@ def test_a_path_is_certified_with_an_arm_a_servo_and_a_goal() -> None:
 def test_wrong_arguments_are_refused_with_the_accepted_form(call: object, form: str) -> None:
     with pytest.raises(ac.InvalidInput, match=re.escape(form)):
         call()  # type: ignore[operator]
+
+
+URDF = Path(__file__).parent / "files" / "robots" / "data" / "robot.urdf"
+LIMITS_FILE = DRAWING.parent / "ur5e_joint_limits.yaml"
+UR5E = ac.load_arm("ur5e")
+CORNERS = [(0.4, -0.05, 0.2), (0.5, -0.05, 0.2), (0.5, 0.05, 0.2)]
+IN_SPACE = ac.Path.polyline(CORNERS).pointing((0, 0, -1))
+
+
+def test_an_arm_is_named_wherever_one_is_an_argument() -> None:
+    limits = UR5E.limits.replace(speed=0.1)
+    planned = ac.plan(IN_SPACE, "ur5e", limits)
+    assert planned.duration == ac.plan(IN_SPACE, UR5E, limits).duration
+    assert ac.trace(IN_SPACE, "ur5e").dof == 6  # type: ignore[arg-type]
+    assert ac.explain(planned, "ur5e").kinds == ac.explain(planned, UR5E).kinds
+    servo = ac.ServoPlant("ur5e", SERVO)  # type: ignore[arg-type]
+    set_points = ac.compensate(planned, SERVO)
+    expected = ac.simulate(set_points, ac.ServoPlant(UR5E, SERVO)).q
+    assert np.array_equal(ac.simulate(set_points, servo).q, expected)
+    assert ac.check(planned, "ur5e").verdict == ac.check(planned, UR5E).verdict  # type: ignore[arg-type]
+    for use in (ac.plan, ac.trace):
+        with pytest.raises(ac.InvalidInput, match="no built-in arm 'ur55'"):
+            use(IN_SPACE, "ur55")  # type: ignore[operator]
+
+
+def test_options_of_an_arm_are_arguments() -> None:
+    arm = ac.load_arm(URDF, base="base_link", tip="tcp")
+    assert arm.dof == 4
+    with pytest.raises(ac.InvalidInput, match="tilt requires part"):
+        ac.load_arm(URDF, base="base_link", tip="tcp", tilt=0.1)
+
+
+def names() -> dict[str, object]:
+    """Names that the written forms contain, with a value each."""
+    planned = ac.plan(IN_SPACE, UR5E, UR5E.limits.replace(speed=0.1))
+    set_points = ac.compensate(planned, SERVO)
+    plant = ac.ServoPlant(UR5E, SERVO)
+    executed = ac.simulate(set_points, plant)
+    return {
+        "ac": ac,
+        "np": np,
+        "path": IN_SPACE,
+        "other": IN_SPACE.reversed(),
+        "points": CORNERS,
+        "point": CORNERS[0],
+        "start": CORNERS[0],
+        "via": CORNERS[1],
+        "end": CORNERS[2],
+        "arm": UR5E,
+        "name": "ur5e",
+        "planned": planned,
+        "data": planned,
+        "set_points": set_points,
+        "executed": executed,
+        "plant": plant,
+        "servo": SERVO,
+        "error": ac.evaluate(executed, IN_SPACE),
+        "result": planned,
+        "frame": ac.Frame((0.1, 0.0, 0.0)),
+        "rotation": np.diag([1.0, -1.0, -1.0]),
+        "pose": UR5E.forward([0.1, -1.2, 1.5, -1.8, -1.5, 0.2]),
+        "q": np.array([0.1, -1.2, 1.5, -1.8, -1.5, 0.2]),
+        "angles": (0.0, 0.0, 0.1),
+        "limits_file": LIMITS_FILE,
+        **dict.fromkeys(("x", "y", "z", "s", "t"), 0.05),
+        **{"radius": 1e-3, "width": 2e-3, "factor": 0.5, "mass": 1.0, "kp": 25, "kv": 150},
+        **{"speed": 0.1, "velocity": 1.0, "acceleration": 5.0, "jerk": 500.0, "cycle": 4e-3},
+    }
+
+
+def test_every_form_that_messages_write_is_valid(tmp_path: Path) -> None:
+    namespace = names()
+    forms = {x for table in FORMS.values() for x in table.values()} | set(MADE_BY.values())
+    # Other tests identify logs, and read jobs and logs.
+    skipped = {"ac.identify(logs)", "ac.read_job(file)", "ac.read_log(file)"}
+    assert skipped <= forms
+    for form in sorted(forms - skipped):
+        reads = "read_path(file)" in form or "read_job(file" in form
+        namespace["file"] = DRAWING if reads else tmp_path / "out.csv"
+        eval(form, namespace)
+
+
+def test_guesses_name_attributes_that_exist() -> None:
+    classes = [x for x in PUBLIC.values() if isinstance(x, type)]
+    known = {name for x in classes for name in dir(x)}
+    known |= {name for x in (ac.load_arm, ac.read_path) for name in x.__wrapped__.__annotations__}
+    wrong = {guess: x for guess, right in SAME.items() for x in right if x not in known}
+    assert not wrong
+    owners = {x.__name__ for x in classes} | {*ac.__all__, "armcontour", "Path.arc"}
+    assert not set(FORMS) - owners - {"Path.polyline"}
+    # A guess that is right would never be explained.
+    for x in classes:
+        assert not {k for k in FORMS.get(x.__name__, ()) if hasattr(x, k)}
+
+
+GUESSES = [
+    (lambda: ac.Tool, "ac.load_arm(name, tool=ac.Frame((x, y, z)))"),
+    (lambda: ac.load("ur5e"), "ac.load_arm(name)"),
+    (lambda: ac.read_dxf("a.dxf"), "ac.read_path(file)"),
+    (lambda: ac.time_optimal(ROUNDED), "ac.plan(path, arm)"),
+    (lambda: ac.Limit, "did you mean Limits?"),
+    (lambda: ac.Path.from_csv("a.csv"), "ac.read_path(file)"),
+    (lambda: ac.Path.from_dxf("a.dxf"), "ac.read_path(file)"),
+    (lambda: ac.Arm("ur5e"), "ac.load_arm(name)"),
+    (lambda: ac.Arm.from_urdf("a.urdf"), "ac.load_arm(name)"),
+    (lambda: CORNER.translate((0, 0)), "path.placed((x, y, z))"),
+    (lambda: CORNER.reverse(), "did you mean reversed?"),
+    (lambda: CORNER.vertces, "did you mean vertices?"),
+    (lambda: ROUNDED.points, "path.vertices"),
+    (lambda: CORNER.plan(ARM), "ac.plan(...)"),
+    (lambda: CORNER.zzz, "it has arc"),
+    (lambda: PLANNED.positions, "did you mean q?"),
+    (lambda: PLANNED.velocities, "did you mean dq?"),
+    (lambda: PLANNED.to_csv("a"), "ac.export(planned, file)"),
+    (lambda: ARM.fk([0, 0]), "did you mean forward?"),
+    (lambda: ARM.inverse_kinematics((0, 0)), "did you mean inverse?"),
+    (lambda: LIMITS.velocity, "did you mean joint_velocity?"),
+    (lambda: LIMITS.acceleration, "did you mean joint_acceleration?"),
+    (lambda: ac.Limits(velocity=1.0), "did you mean joint_velocity?"),
+    (lambda: ac.Limits(max_speed=1.0), "did you mean speed?"),
+    (lambda: ac.ServoModel(Kp=25, kv=150), "did you mean kp?"),
+    (lambda: ac.compensate(PLANNED, SERVO, dt=4e-3), "did you mean cycle?"),
+    (lambda: ac.load_arm("a.urdf", tip_link="tool0"), "did you mean tip?"),
+    (lambda: ac.round_corners(CORNER, radius=1e-3), "tolerance=radius"),
+    (lambda: ac.Path([(0.0, 0.0), (1.0, 0.0)]), "Path.polyline(points)"),
+    (lambda: ac.load_arm("ur5e", payload=1.5), "ac.Payload(mass)"),
+    (lambda: ac.identify("log.csv"), "ac.read_log(file)"),
+    (lambda: ac.run("job.yaml"), "ac.read_job(file)"),
+    (lambda: ac.simulate(PLANNED, ARM), "ac.compensate(planned, servo)"),
+]
+
+
+@pytest.mark.parametrize(("guess", "right"), GUESSES)
+def test_a_guess_is_told_its_right_form(guess: object, right: str) -> None:
+    with pytest.raises((AttributeError, ac.InvalidInput)) as caught:
+        guess()  # type: ignore[operator]
+    assert right in str(caught.value)
+
+
+def test_errors_inside_a_property_are_not_hidden() -> None:
+    class Broken(ac.Path):
+        @property
+        def size(self) -> float:
+            return self.missing_name
+
+    with pytest.raises(AttributeError, match="missing_name"):
+        _ = Broken([ac.Line((0, 0), (1, 0))]).size
+    assert not hasattr(CORNER, "__array_interface__") and not hasattr(ac.Path, "_hidden")
+
+
+def test_certificates_show_picture_and_rows() -> None:
+    goal = ac.CertificateGoal(tolerance=1e-3)
+    certificate = ac.certify(CORNER, ARM, SERVO, LIMITS, goal=goal)
+    assert "<svg" in certificate.plot().svg
+    page = certificate._repr_html_()
+    assert page and "<svg" in page and "<script" not in page
+    times = [float(x) for x in re.findall(r"<td>([\d.]+) s</td>", page)]
+    assert certificate.trajectory.duration == pytest.approx(times[0], rel=5e-3)

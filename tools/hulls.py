@@ -1,15 +1,12 @@
-r"""Compute the hulls of a built-in arm from the meshes of its manufacturer.
+"""Compute the hulls of a built-in arm from the meshes of its manufacturer.
 
-    python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] ...
+    python -m tools.hulls NAME DESCRIPTION
 
 For the built-in arms, with URDF files that xacrodoc made from the manufacturers' repositories:
 
-    python -m tools.hulls ur5e ur5e.urdf --base base_link_inertia --tip tool0 \
-        --package ur_description=Universal_Robots_ROS2_Description
-    python -m tools.hulls panda fer.urdf --tip fer_link8 \
-        --package franka_description=franka_description --rename fer_=panda_
-    python -m tools.hulls fr3 fr3.urdf --tip fr3_link8 \
-        --package franka_description=franka_description
+    python -m tools.hulls ur5e ur5e.urdf --base base_link_inertia --tip tool0
+    python -m tools.hulls panda fer.urdf --tip fer_link8 --rename fer_=panda_
+    python -m tools.hulls fr3 fr3.urdf --tip fr3_link8
 
 A hull is the intersection of half-spaces that contain every corner of the mesh. Half-spaces are
 added where the hull is farthest from the convex hull of the mesh (sandwich algorithm), until the
@@ -140,18 +137,12 @@ def main(words: list[str]) -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("name")
     parser.add_argument("description")
-    parser.add_argument("--package", action="append", default=[])
     parser.add_argument("--base")
     parser.add_argument("--tip")
     parser.add_argument("--rename", default="=")
     parser.add_argument("--excess", type=float, default=EXCESS)
     options_given = parser.parse_args(words)
-    options = ac.ArmOptions(
-        base=options_given.base,
-        tip=options_given.tip,
-        packages=dict(x.split("=") for x in options_given.package),
-    )
-    arm = ac.load_arm(options_given.description, options)
+    arm = ac.load_arm(options_given.description, base=options_given.base, tip=options_given.tip)
     _compare(ac.load_arm(options_given.name), arm)
     assert isinstance(arm.shapes, ArmShapes)
     old, new = options_given.rename.split("=")

@@ -40,7 +40,6 @@ _HOME = {
     "files.model.cad_model": "read_model",
     "files.log_file": "read_log",
     "files.robots.arm_loading": "arm_names load_arm",
-    "files.robots.urdf_tree": "ArmOptions",
     "geometry": "Arc Line Path SegmentLimits",
     "jobs": "CertificateGoal Job Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",
@@ -61,8 +60,10 @@ _HOME = {
 }
 METHODS |= {
     "check_formats": "armcontour.files.exports.formats",
-    "draw_result": "armcontour.report.single_results",
+    "draw_result": "armcontour.report.notebook",
     "explain": "armcontour.planning.explanation",
+    "result_as_html": "armcontour.report.notebook",
+    "load_arm": "armcontour.files.robots.arm_loading",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)
 

@@ -25,7 +25,6 @@ from armcontour.files.log_file import read_log as read_log
 from armcontour.files.model.cad_model import read_model as read_model
 from armcontour.files.robots.arm_loading import arm_names as arm_names
 from armcontour.files.robots.arm_loading import load_arm as load_arm
-from armcontour.files.robots.urdf_tree import ArmOptions as ArmOptions
 from armcontour.geometry import Arc as Arc
 from armcontour.geometry import Line as Line
 from armcontour.geometry import Path as Path

@@ -127,8 +127,7 @@ def from_description(folder, **options):
     own += [x for x in lines if "turn" in x] if options["table"] else []
     (folder / "limits.yaml").write_text("\n".join(own) + "\n")
     part = "table" if options["table"] else None
-    given = ac.ArmOptions(tip="tool0", joint_limits=folder / "limits.yaml", part=part)
-    return ac.load_arm(file, given)
+    return ac.load_arm(file, tip="tool0", joint_limits=folder / "limits.yaml", part=part)
 
 
 def seam(length=2.5, first=0.25):

@@ -172,7 +172,7 @@ def test_turntable_of_a_urdf_turns_endlessly(tmp_path):
 
 def test_turntable_is_not_wound_back_between_contours(tmp_path):
     (tmp_path / "cell.urdf").write_text(TURNTABLE)
-    arm = ac.load_arm(tmp_path / "cell.urdf", ac.ArmOptions(part="table"))
+    arm = ac.load_arm(tmp_path / "cell.urdf", part="table")
     first = ac.Path.polyline(helix(4)).pointing((0, 0, -1))
     second = ac.Path.polyline(helix(3, radius=0.15) + [0, 0, 0.05]).pointing((0, 0, -1))
     program = Program(moves=(Contour(path=first), Rapid(), Contour(path=second)))
@@ -211,7 +211,7 @@ def test_export_of_cells_with_slides_under_the_part(tmp_path):
 
 def test_clearance_of_an_obstacle_on_a_sliding_part(tmp_path):
     (tmp_path / "cell.urdf").write_text(MILL)
-    arm = ac.load_arm(tmp_path / "cell.urdf", ac.ArmOptions(part="table"))
+    arm = ac.load_arm(tmp_path / "cell.urdf", part="table")
     ball = LinkShape(name="head", link=3, shape=Sphere(radius=0.05), place=ac.Frame((0, 0, 0)))
     arm = arm.with_shapes(ArmShapes(shapes=(ball,)))
     clamp = Obstacle(

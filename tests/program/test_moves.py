@@ -50,8 +50,16 @@ def test_invalid_programs_are_refused():
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: Program.from_path([1, 2]), "must be a Path or a Program", "[1, 2]"),
-        (lambda: contour([[0, 0], [1, 1]]), "Path", "must be a Path, not [["),
-        (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "must be a Path, not [["),
+        (
+            lambda: contour([[0, 0], [1, 1]]),
+            "Path",
+            "must be a Path, such as ac.Path.polyline(points), not [[",
+        ),
+        (
+            lambda: Rapid(path=[[0, 0], [1, 1]]),
+            "rapid",
+            "must be a Path, such as ac.Path.polyline(points), not [[",
+        ),
         (lambda: contour(name="c", events=events_beyond), "laser", "0.2", "0.1"),
         (lambda: Event(name=""), "name"),
         (lambda: Event(name=3), "text"),

@@ -170,10 +170,10 @@ def test_errors_are_shown_in_percent_of_the_allowed_error(job_result):
 def test_figures_of_a_result_are_pages(job_result, tmp_path):
     result = next(iter(job_result.runs.values()))
     for kind in ("path", "joints", "speed", "error"):
-        result.figure(kind).write_html(tmp_path / f"{kind}.html")
+        result.plot(kind).write_html(tmp_path / f"{kind}.html")
         text = (tmp_path / f"{kind}.html").read_text(encoding="utf-8")
         assert ('id="packed-figures"' in text) == (kind != "path") and "<figure" in text
-        assert "<iframe" in result.figure(kind)._repr_html_()
+        assert "<iframe" in result.plot(kind)._repr_html_()
 
 
 def test_figures_are_written_as_valid_json(job_result):

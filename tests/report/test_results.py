@@ -43,19 +43,19 @@ def curves(figure):
 def test_figures_of_results_show_their_values(made):
     planned, executed, result = made
     for x in made:
-        assert curves(x.figure("joints")) and curves(x.figure("speed"))
-        assert "<svg" in x.figure("path").svg
-    (error,) = curves(result.figure("error"))
+        assert curves(x.plot("joints")) and curves(x.plot("speed"))
+        assert "<svg" in x.plot("path").svg
+    (error,) = curves(result.plot("error"))
     assert len(result.contours) == 1 and np.nanmax(error.y) > 0
-    speed, *others = curves(planned.figure("speed"))
+    speed, *others = curves(planned.plot("speed"))
     assert speed.x[-1] == pytest.approx(planned.duration, abs=2e-3)
     assert np.nanmax(speed.y) == pytest.approx(1e3 * result.speed, rel=5e-3)
     # The assigned velocity is a line of the figure.
     assert any(np.nanmax(x.y) == pytest.approx(150.0) for x in others)
-    joint = curves(planned.figure("joints"))[0]
+    joint = curves(planned.plot("joints"))[0]
     expected = planned(np.clip(joint.x, 0, planned.duration))[:, 0]
     np.testing.assert_allclose(joint.y, expected, atol=1e-4)
-    assert len(curves(executed.figure("joints"))) == 2 * len(curves(planned.figure("joints")))
+    assert len(curves(executed.plot("joints"))) == 2 * len(curves(planned.plot("joints")))
 
 
 def without_code(page):
@@ -72,7 +72,7 @@ def test_a_job_that_was_not_simulated_has_a_report(tmp_path):
     assert '<details id="time">' in page and "contour error" not in without_code(page)
     first = next(iter(job_result.runs.values()))
     ac.write_report(first, tmp_path / "run.html")
-    assert curves(first.figure("speed"))
+    assert curves(first.plot("speed"))
 
 
 def test_a_program_has_figures_and_a_report(arm, tmp_path):
@@ -85,12 +85,35 @@ def test_a_program_has_figures_and_a_report(arm, tmp_path):
     ac.write_report(planned, tmp_path / "plan.html")
     page = (tmp_path / "plan.html").read_text(encoding="utf-8")
     assert '<details id="contours">' in page
-    assert "<svg" in planned.figure("path").svg
+    assert "<svg" in planned.plot("path").svg
 
 
 def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):
     from dataclasses import replace
 
     alone = replace(in_plane[2], judged=None)
-    refuses(lambda: alone.figure("error"), ac.InvalidInput)
+    refuses(lambda: alone.plot("error"), ac.InvalidInput)
     refuses(lambda: ac.write_report(alone, tmp_path / "a.html"), ac.InvalidInput)
+
+
+def test_notebooks_show_picture_and_rows(made, in_space):
+    rounded = in_space[0].path
+    for x in (*made, rounded, ac.Program.from_path(rounded)):
+        page = x._repr_html_()
+        assert "<svg" in page and "<tr>" in page and "<script" not in page
+    length = f"{1e3 * rounded.length:.0f} mm"
+    assert f"<td>{length}</td>" in rounded._repr_html_()
+    times = re.findall(r"<td>([\d.]+) s</td>", made[0]._repr_html_())
+    assert made[0].duration == pytest.approx(float(times[0]), rel=5e-3)
+    named = ac.Program((ac.Contour(rounded),), source="<script>&")
+    assert "<script" not in named._repr_html_() and "&lt;script&gt;&amp;" in named._repr_html_()
+    # Without an arm, a notebook shows the `repr`.
+    joints = ac.JointPath.spline([[0.0, 0.0], [0.3, 0.2], [0.5, 0.1]])
+    limits = ac.Limits(joint_velocity=1.0, joint_acceleration=3.0)
+    assert ac.plan(joints, limits=limits)._repr_html_() is None
+
+
+def test_paths_have_a_picture_of_their_outline_only(refuses):
+    square = ac.Path.polyline([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], closed=True)
+    assert "<svg" in square.plot().svg
+    refuses(lambda: square.plot("speed"), ac.InvalidInput)

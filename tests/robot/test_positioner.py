@@ -305,7 +305,7 @@ def test_a_description_of_the_cell_is_the_arm_with_rail_and_positioner(tmp_path)
         axis=(0, 0, 1), origin=(0.1, 0.2, 0.7), upper=0.5, velocity=0.2, acceleration=0.2,
         force=900, mass=30,
     )  # fmt: skip
-    lifter = ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp"), work=turned @ TABLE)
+    lifter = ac.load_arm(ROBOT, base="base_link", tip="tcp", work=turned @ TABLE)
     arm = lifter.with_rail(rail).with_positioner(ac.Positioner(axes=axes, tilt=TILT))
     arm = arm.with_dynamics(viscous=[0.4, *[0] * 2, *lifter.chain.viscous])
     assert described.joint_names == arm.joint_names
@@ -354,4 +354,4 @@ def test_descriptions_without_a_branch_for_the_part_are_refused(tmp_path):
 
     refusals(load, table)
     with pytest.raises(ac.InvalidInput, match="requires part"):
-        ac.ArmOptions(tilt=0.1)
+        ac.load_arm(ROBOT, base="base_link", tip="tcp", tilt=0.1)

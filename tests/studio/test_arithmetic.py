@@ -69,7 +69,7 @@ def test_the_page_computes_the_same_link_and_tool_poses():
     arms = [
         *map(ac.load_arm, ac.arm_names()),
         ac.load_arm("ur5e").with_work(work).with_tool(tool),
-        ac.load_arm(URDF, ac.ArmOptions(base="base_link", tip="tcp")),
+        ac.load_arm(URDF, base="base_link", tip="tcp"),
     ]
     random = np.random.default_rng(19)
     postures = [random.uniform(-3.0, 3.0, (40, arm.dof)) for arm in arms]

@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.errors import ArmMismatch, InvalidInput
-from armcontour.core.text import capitalise, make_printable, show, suggest
+from armcontour.core.guesses import Explained, ExplainedABC, form_of, made_by, suggest
+from armcontour.core.text import capitalise, make_printable, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -136,7 +137,7 @@ def copy_unchecked(value: C, **changes: Any) -> C:
     return cast(C, copied)
 
 
-class Frozen:
+class Frozen(Explained):
     """Base of frozen dataclasses that only this package makes: arrays become read-only."""
 
     __slots__ = ()
@@ -153,7 +154,7 @@ class Frozen:
         """Check combinations of fields, or compute fields; called after arrays are read-only."""
 
 
-class Immutable:
+class Immutable(Explained, metaclass=ExplainedABC):
     """Base of classes whose instances do not change after their constructor has called `_freeze`.
 
     `functools.cached_property` works. A subclass that is a dataclass needs `frozen=True`.
@@ -432,7 +433,8 @@ def check_type(name: str, value: Any, *kinds: type) -> Any:
         return value
     words = [_words_for(x) for x in kinds if x is not np.bool_]
     shown = show(value) if isinstance(value, PLAIN) else type(value).__name__
-    raise InvalidInput(f"{name} must be {' or '.join(words)}, not {shown}.")
+    such = made_by(x for x in kinds if isinstance(x, type))
+    raise InvalidInput(f"{name} must be {' or '.join(words)}{such or ','} not {shown}.")
 
 
 def _words_for(kind: type) -> str:
@@ -476,7 +478,11 @@ def raise_call_error(
             reason = f"there is no argument {show(name)}"
             given = {*[*called.parameters][: len(args)], *keywords}
             left = {k: x for k, x in slots.items() if k not in given}
-            hint = _form_of_value(function, left, name) or suggest(name, slots, takes)
+            hint = (
+                form_of((user,), name)
+                or _form_of_value(function, left, name)
+                or suggest(name, slots, takes)
+            )
         raise InvalidInput(f"{user}: {reason} ({hint}).") from None
 
 
@@ -529,7 +535,9 @@ def check_sequence(
         items = tuple(values)
         if count in (None, len(items)) and (not items or all(isinstance(x, kind) for x in items)):
             return items
-    raise InvalidInput(f"{name} must be a list of {noun}, not {show(values)}.")
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    such = made_by(x for x in kinds if isinstance(x, type))
+    raise InvalidInput(f"{name} must be a list of {noun}{such or ','} not {show(values)}.")
 
 
 def check_names(name: str, values: Any) -> tuple[str, ...]:

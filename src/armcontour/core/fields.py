@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cache, wraps
+from os import PathLike
 from types import NoneType, UnionType
 from typing import (
     Annotated,
@@ -32,6 +33,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import Frozen
 from armcontour.core.errors import InvalidInput
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity, read_quantity
 from armcontour.core.text import shorten, show
 
@@ -295,7 +297,16 @@ def reader_of(hint: Any) -> Reader | None:
 
 
 def _read_kinds(kinds: tuple[type, ...]) -> Reader:
-    return lambda value, who: checks.check_type(who, value, *kinds)
+    """Make the reader of instances of some classes, one of which may be loaded by a name."""
+    loaders = [x.loaded_by for x in kinds if hasattr(x, "loaded_by")]
+
+    def read(value: Any, who: str) -> Any:
+        """Check the class of a value; load the object if a name or file is given."""
+        if loaders and isinstance(value, str | PathLike):
+            value = load_method(loaders[0])(value)
+        return checks.check_type(who, value, *kinds)
+
+    return read
 
 
 def _read_annotated(base: Any, marks: tuple[Any, ...]) -> Reader | None:

@@ -13,6 +13,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import declared
+from armcontour.core.guesses import Explained
 from armcontour.core.quantities import WHOLE_TURN
 
 # Tolerance of `R^T R - I` for rotation matrices R, which are then made orthonormal.
@@ -31,7 +32,7 @@ IDENTITY = checks.frozen_array(np.eye(3))
 
 
 @declared(eq=False)
-class Frame:
+class Frame(Explained):
     """Position and orientation of a frame in another frame.
 
         table = Frame((0.5, 0.0, 0.1))

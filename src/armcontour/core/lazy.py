@@ -17,6 +17,15 @@ def load_method(name: str) -> Callable[..., Any]:
     return cast(Callable[..., Any], getattr(import_module(METHODS[name]), name))
 
 
+def _unknown(package: str, name: str, names: list[str]) -> AttributeError:
+    """Make the error for a name that a package does not have."""
+    if name.startswith("_"):
+        return AttributeError(f"module {package!r} has no attribute {name!r}")
+    from armcontour.core.guesses import explain_module_name
+
+    return AttributeError(explain_module_name(package, name, names))
+
+
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
     """Make `__getattr__` and `__all__` of a package whose names are loaded at first use."""
     module_of: dict[str, str] = {}
@@ -26,7 +35,7 @@ def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], A
     def load(name: str) -> Any:
         """Load a public name from its module at first use."""
         if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise _unknown(package, name, sorted(module_of))
         module = module_of[name]
         inside = module.partition(".")[0] != "armcontour"
         value = getattr(import_module(f"{package}.{module}" if inside else module), name)

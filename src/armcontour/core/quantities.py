@@ -73,6 +73,10 @@ UNIT_FACTORS = {
 }
 
 
+# Units of cycles per second. A gain in 1/s is in radians per second, 2 pi times as large.
+CYCLES = re.compile("Hz|hertz", re.IGNORECASE)
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """Annotate a float or an array with a physical quantity.
@@ -476,6 +480,13 @@ def _unit_affixes(old: Any, kind: Quantity) -> tuple[str, str] | None:
 
 def read_plain(value: Any, kind: Quantity) -> float:
     """Convert a quantity to SI units without checking its range; ValueError if invalid."""
+    if kind.unit == "1/s" and isinstance(value, str) and CYCLES.search(value):
+        if CYCLES.search(kind.example) is None:
+            hertz = parse_quantity(value, kind.unit)
+            raise ValueError(
+                f"must be in 1/s, but is {value.strip()}. Hz counts cycles: write {hertz:g} 1/s "
+                f"if this is the gain, or {math.tau * hertz:.4g} 1/s if it is a bandwidth in Hz"
+            )
     return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core.guesses import Explained
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import format_table
 
@@ -274,7 +275,7 @@ def frame(data: Data) -> list[dict[str, Any]]:
     return figures
 
 
-class Result:
+class Result(Explained):
     """Base of results: text, HTML and JSON follow from `to_data`."""
 
     __slots__ = ()

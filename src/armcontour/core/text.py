@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 import re
@@ -27,10 +26,6 @@ _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number [characters]; no program prints more digits.
 LONGEST_NUMBER = 100
-# Smallest similarity of a misspelled name.
-SIMILARITY = 0.65
-# Names that users write for the names of arguments.
-SYNONYMS = {"delay": "dead_time", "link_lengths": "links", "lengths": "links"}
 # Widest line of a table, by default, and of its title [characters].
 LINE_WIDTH = 98
 # Widest first cell of a table row [characters].
@@ -106,20 +101,6 @@ def list_some(names: Sequence[str], maximum: int) -> str:
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
-def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
-    """Ask whether the most similar valid name is meant; if none is similar, return `otherwise`.
-
-    >>> suggest("kpp", ["kp", "kv"], "")
-    'did you mean kp?'
-    """
-    valid = list(valid)
-    # These words are used for the same quantity.
-    known = name.replace("velocity", "speed")
-    equivalent = [x for x in valid if x.replace("velocity", "speed") == SYNONYMS.get(name, known)]
-    candidates = equivalent or difflib.get_close_matches(name, valid, n=1, cutoff=SIMILARITY)
-    return f"did you mean {candidates[0]}?" if candidates else otherwise
-
-
 def describe_fields(cls: type) -> dict[str, str]:
     """Read the descriptions of a dataclass's fields from its docstring and those of its bases."""
     texts: dict[str, str] = {}
@@ -185,18 +166,27 @@ def short_repr(value: Any) -> str:
 def draw(value: Any, kind: str = "path") -> Any:
     """Draw a result as in the report: a picture that notebooks show and that you can save.
 
-        result.figure("error").write_html("error.html")
+        result.plot("error").write_html("error.html")
 
     Args:
         value: The result.
-        kind: "path", the path of the tool; "joints", positions, velocities and accelerations
-            with limits (of a job's result, those of its first run); "speed", the tool speed with
-            the assigned velocity; "error", the contour error.
+        kind: "path", the path of the tool, the only kind of a path or a program; "joints",
+            positions, velocities and accelerations with limits (of a job's result, those of its
+            first run); "speed", the tool speed with the assigned velocity; "error", the contour
+            error.
 
     Raises:
         InvalidInput: The kind is unknown, or the result has no data of it.
     """
     return load_method("draw_result")(value, kind)
+
+
+def draw_as_html(value: Any) -> Any:
+    """Show a result in a notebook: its picture and its rows, as HTML without scripts.
+
+    Returns None if the result has no picture, so that the notebook shows its `repr`.
+    """
+    return load_method("result_as_html")(value)
 
 
 def _member(value: Any) -> str:

@@ -26,6 +26,7 @@ from typing import (
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import UNIONS, reader_of
+from armcontour.core.guesses import suggest
 from armcontour.core.quantities import (
     AtLeast,
     Axes,
@@ -38,7 +39,7 @@ from armcontour.core.quantities import (
     Quantity,
     read_quantity,
 )
-from armcontour.core.text import Keys, describe_fields, key_text, show, suggest
+from armcontour.core.text import Keys, describe_fields, key_text, show
 
 # Values by key path in a job file, from the outermost key.
 Patch: TypeAlias = Mapping[Keys, Any]

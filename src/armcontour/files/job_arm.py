@@ -65,13 +65,6 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
         raise InvalidInput(
             f"arm.file must have the extension .urdf or .yaml, but is {model.file!r}."
         )
-    options = replace(
-        model,
-        joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
-        calibration=None if model.calibration is None else folder / model.calibration,
-        # `arm_of` reads the SRDF after it has added the shapes of the job.
-        srdf=None,
-    )
     # A tool that specifies only shapes does not change the tool frame of the arm.
     tool = None
     if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
@@ -79,7 +72,19 @@ def _bare_arm(model: ArmModel, folder: FilePath) -> Arm:
     work = None if model.work is None else frame_of("arm.work", model.work)
     key, name = ("name", str(model.name)) if model.file is None else ("file", folder / model.file)
     with error_context("", "arm", key):
-        return load_arm(name, options, tool=tool, work=work, payload=model.payload)
+        # `arm_of` reads the SRDF after it has added the shapes of the job.
+        return load_arm(
+            name,
+            tip=model.tip,
+            base=model.base,
+            part=model.part,
+            tilt=model.tilt,
+            joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
+            calibration=None if model.calibration is None else folder / model.calibration,
+            tool=tool,
+            work=work,
+            payload=model.payload,
+        )
 
 
 def _with_external_axes(arm: Arm, model: ArmModel, part: Frame) -> Arm:

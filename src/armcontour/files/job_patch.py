@@ -10,7 +10,8 @@ from dataclasses import fields
 from typing import Any
 
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import Keys, key_text, show, suggest
+from armcontour.core.guesses import suggest
+from armcontour.core.text import Keys, key_text, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import Patch as Patch
 from armcontour.files.job_arm import ARM_FILES

@@ -210,7 +210,8 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     for i, segment in enumerate(listed):
         if not isinstance(segment, (Line, Arc)):
             raise InvalidInput(
-                f"Segment {i + 1} must be a Line or an Arc, not a {type(segment).__name__}.",
+                f"Segment {i + 1} must be a Line or an Arc, not a {type(segment).__name__}. For "
+                "points, write Path.polyline(points).",
                 index=i,
             )
         checks.check_type(

@@ -8,9 +8,10 @@ from functools import cached_property
 from types import MappingProxyType
 
 from armcontour.core.fields import checked
+from armcontour.core.guesses import Explained
 from armcontour.core.render import Result, compare, lay_out
 from armcontour.core.result import Data
-from armcontour.core.text import draw, short_repr
+from armcontour.core.text import draw, draw_as_html, short_repr
 from armcontour.jobs import rows, run_notes
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_record import RunRecord
@@ -54,7 +55,8 @@ class RunResult(RunRecord, Result):
 
     __repr__ = short_repr
 
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -68,7 +70,7 @@ class RunResult(RunRecord, Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class JobResult:
+class JobResult(Explained):
     """A job and the results of its runs.
 
     Args:
@@ -80,7 +82,8 @@ class JobResult:
     job: Job
     runs: Mapping[str, RunResult]
 
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
     @property
     def simulated(self) -> bool:

@@ -14,7 +14,7 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import draw, short_repr
+from armcontour.core.text import draw, draw_as_html, short_repr
 from armcontour.motion.nearest_commands import find_range_or_speed_excess
 from armcontour.motion.trajectory import Trajectory
 from armcontour.robot import Arm, Limits
@@ -96,7 +96,8 @@ class Execution(Checked):
 
     __repr__ = short_repr
 
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
     @classmethod
     @checked

@@ -13,6 +13,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.guesses import ExplainedABC
 from armcontour.core.quantities import Interval
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.kernels import (
@@ -23,7 +24,7 @@ from armcontour.motion.kernels import (
 )
 
 
-class Law(Frozen, ABC):
+class Law(Frozen, ABC, metaclass=ExplainedABC):
     """Joint positions over time, from 0 to the last break; smooth between breaks.
 
     Attributes:

@@ -19,11 +19,11 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, draw, short_repr
+from armcontour.core.text import count_noun, draw, draw_as_html, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.joined_laws import JoinedLaws
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
-from armcontour.robot import Arm, Limits
+from armcontour.robot import Arm, Limits, load_named
 
 # Default cycle [s].
 DEFAULT_CYCLE = 4e-3
@@ -270,7 +270,8 @@ class Trajectory(Checked):
         joints = count_noun(self.dof, "joint")
         return f"Trajectory({str(self.method)!r}, {number(self.duration, 's')}, {joints})"
 
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
     @property
     def t(self) -> FloatArray:
@@ -733,7 +734,7 @@ class Trajectory(Checked):
 
 def arm_of(motion: Any, arm: Arm | Any | None = None) -> Arm:
     """Return `arm` if it is given, otherwise the arm of `motion`, or raise InvalidInput."""
-    chosen: Arm | None = getattr(motion, "arm", None) if arm is None else arm
+    chosen: Arm | None = getattr(motion, "arm", None) if arm is None else load_named(arm)
     if chosen is None:
         raise InvalidInput(
             f"This {type(motion).__name__} has no arm. Plan it with an arm, or specify "

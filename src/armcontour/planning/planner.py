@@ -28,7 +28,7 @@ from armcontour.planning.program_tracing import TracedMove, Tracing, trace_progr
 from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions
 from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
-from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
+from armcontour.robot import Arm, Limits, compare_limits, load_named, resolve_limits
 from armcontour.robot.limits import reduce_limits
 
 
@@ -49,8 +49,9 @@ def plan(
 
     Args:
         path: A tool path or a program, which is traced first; or a joint path or a tracing.
-        arm: The arm, or any object with the `dof` and `limits` of an arm, to time a joint path. A
-            joint path without a tool path needs no arm if `limits` are given without torque.
+        arm: The arm, or what `load_arm` loads: a built-in name such as "ur5e", or a file. To time a
+            joint path, any object with the `dof` and `limits` of an arm. A joint path without a
+            tool path needs no arm if `limits` are given without torque.
         limits: Limits that replace those of the arm. Limits that are not given are those of the
             arm; infinity removes a limit.
         options: The method and its options: `Optimal`, the fastest timing that satisfies every
@@ -72,7 +73,7 @@ def plan(
             path has no corner, so that the motion stops, or limits of jerk add full stops where
             accelerations would jump.
     """
-    arm = _require_arm(path, arm, limits)
+    arm = _require_arm(path, load_named(arm), limits)
     if limits is not None and getattr(arm, "limits", None) is NO_LIMITS:
         bounds = limits.for_joints(arm.dof)
     else:

@@ -9,7 +9,8 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.text import list_some, suggest
+from armcontour.core.guesses import suggest
+from armcontour.core.text import list_some
 from armcontour.geometry import Path
 from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT

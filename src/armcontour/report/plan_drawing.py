@@ -102,7 +102,7 @@ class Drawing(Picture):
     """
 
     template: ClassVar[str] = "drawing.html"
-    svg: str
+    svg: str = field(repr=False)
     keys: tuple[SymbolEntry, ...]
     legend: tuple[LegendEntry, ...] = ()
     places: Mapping[str, str] = field(default_factory=dict)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from armcontour.control.compensation import Inverse
-from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.jobs import Job, JobResult, Run, RunResult
@@ -16,10 +14,6 @@ from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory, arm_of
 from armcontour.planning import Optimal, explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
-from armcontour.report.figure import Figure, Picture
-from armcontour.report.sections.joints import draw_joints
-from armcontour.report.sections.motion import draw_over_time, plot_error, plot_speed
-from armcontour.report.sections.path_section import draw_tool, tools_of
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
@@ -63,26 +57,6 @@ def job_result_of(result: Result) -> JobResult:
         evaluation=result,
     )
     return _only_run(run_result)
-
-
-def draw_result(result: Result, kind: str) -> Picture:
-    """Draw a result as a picture of a kind in KINDS, see `armcontour.core.text.draw`."""
-    checks.check_choice("kind", kind, tuple(KINDS))
-    return KINDS[kind](job_result_of(result))
-
-
-def _draw_error(job_result: JobResult) -> Figure:
-    if not job_result.simulated:
-        raise InvalidInput("A plan has no contour error. Execute and evaluate the plan first.")
-    return draw_over_time(job_result, plot_error, title="Contour error")
-
-
-KINDS: dict[str, Callable[[JobResult], Picture]] = {
-    "path": lambda job_result: draw_tool(tools_of(job_result)[0], job_result.job.name),
-    "joints": lambda job_result: draw_joints(*next(iter(job_result.runs.items()))),
-    "speed": lambda job_result: draw_over_time(job_result, plot_speed, title="Tool speed"),
-    "error": _draw_error,
-}
 
 
 def _only_run(result: RunResult) -> JobResult:

@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "armcontour.core.errors": "ArmMismatch",
-    "arm": "Arm compare_limits resolve_limits",
+    "arm": "Arm compare_limits load_named resolve_limits",
     "bodies": "Payload",
     "chain": "Chain",
     "dynamics": "Dynamics",

@@ -1,6 +1,7 @@
 from armcontour.core.errors import ArmMismatch as ArmMismatch
 from armcontour.robot.arm import Arm as Arm
 from armcontour.robot.arm import compare_limits as compare_limits
+from armcontour.robot.arm import load_named as load_named
 from armcontour.robot.arm import resolve_limits as resolve_limits
 from armcontour.robot.bodies import Payload as Payload
 from armcontour.robot.chain import Chain as Chain

@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from os import PathLike
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from armcontour.core.checks import FloatArray, Immutable
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import checked
 from armcontour.core.frames import Pose, read_poses, transforms
+from armcontour.core.lazy import load_method
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain, link_table, state_rows
 from armcontour.robot.limits import JOINT_RANGE, TOOL_LIMITS, UNITS, Limits
@@ -43,6 +45,11 @@ def unit_hint(gap: float) -> str:
     return (
         ". Lengths without a unit are metres, so a unit may be missing (for drawings: --units mm)"
     )
+
+
+def load_named(arm: Any) -> Any:
+    """Load an arm that is given by its name or file; return anything else unchanged."""
+    return load_method(Arm.loaded_by)(arm) if isinstance(arm, str | PathLike) else arm
 
 
 def resolve_limits(
@@ -171,7 +178,18 @@ class Arm(Immutable, ABC):
     assumed_limits: Limits | None = None
     unused_limits: Limits | None = None
     _read_shapes: Callable[[], ArmShapes] | None = None
+    # Where an arm is an argument, this function loads it by its name or file.
+    loaded_by: ClassVar[str] = "load_arm"
     _instead = "Use with_limits, with_tool, with_work or with_dynamics instead"
+
+    def __new__(cls, *_: Any, **__: Any) -> Self:
+        """Explain how an arm is loaded, because this class is only a base."""
+        if cls is Arm:
+            raise InvalidInput(
+                "Arm is the base of the classes of arms. Write ac.load_arm(name) for a built-in "
+                "arm or a file, such as ac.load_arm('ur5e')."
+            )
+        return super().__new__(cls)
 
     def __repr__(self) -> str:
         """Write class, name and number of joints."""

@@ -13,6 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
 from armcontour.core.frames import Frame
+from armcontour.core.guesses import ExplainedABC
 from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Quantity, Size
 
 # Allowed largest sizes of meshes [m]. A mesh outside this range was probably read in another unit.
@@ -36,7 +37,7 @@ NO_FLOOR: Literal["none"] = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shape(Checked, ABC):
+class Shape(Checked, ABC, metaclass=ExplainedABC):
     """A shape in its own frame."""
 
     @property

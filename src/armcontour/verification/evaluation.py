@@ -17,7 +17,7 @@ from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
 from armcontour.core.sampled_data import integrate
-from armcontour.core.text import draw, short_repr
+from armcontour.core.text import draw, draw_as_html, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
@@ -190,7 +190,8 @@ class Evaluation(Result, Frozen):
         return f"of the motion; planned for {usable} of the accelerations and torques"
 
     __repr__ = short_repr
-    figure = draw
+    plot = draw
+    _repr_html_ = draw_as_html
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -656,3 +656,21 @@ def test_invalid_contour_names_become_printable_and_short():
     data = written(document).replace(b"LAYER0", b"a\x1b]52;c").replace(b"LAYER1", b"l" * 100)
     layers = [x.layer for x in read(data).contours]
     assert layers[0] == r"a\x1b]52;c" and len(layers[1]) == 80
+
+
+def test_dashed_lines_are_read_with_a_note():
+    document = ezdxf.new("R2010", setup=True)
+    document.units = 4
+    space = document.modelspace()
+    document.layers.add("FOLD", linetype="DASHED")
+    space.add_line((0, 0), (10, 0), dxfattribs={"linetype": "CENTER"})
+    space.add_line((0, 5), (10, 5), dxfattribs={"layer": "FOLD"})
+    space.add_line((0, 9), (10, 9), dxfattribs={"layer": "FOLD", "linetype": "CONTINUOUS"})
+    space.add_line((0, 12), (10, 12))
+    program = read(document)
+    assert len(program.contours) == 4
+    (note,) = program.notes
+    assert "dashes" in note and "2" in note
+    continuous, space = drawing()
+    space.add_line((0, 0), (10, 0))
+    assert not read(continuous).notes

@@ -383,6 +383,13 @@ def test_modal_words_without_an_effect_are_noted():
     np.testing.assert_array_equal(program.path.vertices, drawn.path.vertices)
     (note,) = program.notes
     assert all(x in note for x in ("G97", "G8", "G15", "G69"))
+    for words in ("G13.1 G23 G40.1 G67", "G5 P10000", "G5.1 Q1", "G187 P1 E0.05", "G90 G50 G17"):
+        program = read(f"G21|{words}|{plain}")
+        np.testing.assert_array_equal(program.path.vertices, drawn.path.vertices)
+        assert len(program.notes) == 1
+    # With coordinates, these codes are splines, or a shift of the origin.
+    splines = [("G5 X1 Y1 P2 Q3", "G5"), ("G5.1 X1 Y1 I2", "G5.1"), ("G50 X0 Z0", "G50")]
+    refusals(read, [(f"G21|{line}|{plain}", words) for line, words in splines])
     stops = read(f"G61.1|{plain}")
     assert (stops.path.tolerances == 0).all() and "G61.1" in stops.notes[0]
     np.testing.assert_array_equal(stops.path.vertices, drawn.path.vertices)

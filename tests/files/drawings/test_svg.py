@@ -273,9 +273,8 @@ WRONG = """
 """
 # Refused, or skipped with a note.
 UNKNOWN = """
-<line x2="1" clip-path="url(#c)"/> => other than one outline
 <clipPath id="c"><line/><line/></clipPath><line x2="1" clip-path="url(#c)"/> => other than one
-<g style="mask:url(#c)"><line x2="1"/></g> => masks are not supported
+<mask id="c"/><g style="mask:url(#c)"><line x2="1"/></g> => masks are not supported
 <line x2="1" style="transform:scale(2)"/> => in a style or with an origin
 <style>.a{display:none}</style> => sheets that set display are not supported
 """
@@ -533,3 +532,34 @@ def test_svg_use_of_missing_element_is_skipped_with_a_note():
             np.testing.assert_array_equal(program.path.vertices, only(rect).vertices)
             (note,) = program.notes
             assert "use" in note
+
+
+def test_a_reference_to_a_missing_clip_path_or_mask_is_skipped_with_a_note():
+    rect = '<rect x="10" y="10" width="30" height="20"{}/>'
+    for dead in ('clip-path="url(#gone)"', 'style="clip-path: url(#gone)"', 'mask="url(#gone)"'):
+        program = read(rect.format(f" {dead}"))
+        np.testing.assert_array_equal(program.path.vertices, only(rect.format("")).vertices)
+        (note,) = program.notes
+        assert "rect" in note
+
+
+def test_a_comment_with_two_hyphens_is_named_as_the_cause():
+    rect = '<rect x="10" y="10" width="30" height="20"/>'
+    for text in ("use --laser", "cut --", "a -- b"):
+        with pytest.raises(InvalidInput, match="comment.*--"):
+            read(f"<!-- {text} -->{rect}")
+    assert read(f"<!-- a - b -->{rect}").length == only(rect).length
+    with pytest.raises(InvalidInput) as broken:
+        read(f"<!-- a - b --><g{rect}")
+    assert "comment" not in str(broken.value)
+
+
+def test_dashed_lines_are_read_with_a_note():
+    rect = '<rect x="10" y="10" width="30" height="20"/>'
+    for dashes in ('stroke-dasharray="6 4"', 'style="stroke-dasharray: 2mm"'):
+        program = read(f'{rect}<path {dashes} d="M1 1H5"/>')
+        assert len(program.contours) == 2
+        (note,) = program.notes
+        assert "dashes" in note and "path" in note
+    for dashes in ("none", "0", ""):
+        assert not read(f'{rect}<path stroke-dasharray="{dashes}" d="M1 1H5"/>').notes

@@ -49,7 +49,7 @@ def described(folder, beam='<box size="0.4 0.05 0.05"/>', hand=""):
 
 
 def loaded(file, **options):
-    arm = ac.load_arm(file, ac.ArmOptions(tip="hand", **options))
+    arm = ac.load_arm(file, tip="hand", **options)
     assert isinstance(arm, ac.SerialArm)
     return arm
 

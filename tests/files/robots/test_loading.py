@@ -132,7 +132,7 @@ def test_invalid_arm_files_are_refused(tmp_path):
     refusals(ac.load_arm, places)
     # What is chosen of a description is no choice of an arm file.
     choices = [(x, "ur5e ... .urdf") for x in ({"tip": "t"}, {"base": "b"})]
-    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(**x)), choices)
+    refusals(lambda x: ac.load_arm("ur5e", **x), choices)
 
 
 def test_a_serial_arm_file_is_read(tmp_path):
@@ -331,7 +331,7 @@ JOINTS = ("pan", "tilt", "elbow", "roll")
 
 
 def load(file):
-    return ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file))
+    return ac.load_arm(ROBOT, base="base_link", tip="tcp", joint_limits=file)
 
 
 def with_text(tmp_path, text):
@@ -367,14 +367,12 @@ def test_a_file_of_joint_limits_completes_the_description(tmp_path):
     file = tmp_path / "limits.yaml"
     robot.write_text(ROBOT.read_text().replace('<limit effort="80" velocity="2"/>', ""))
     file.write_text("joint_limits: {pan: {max_velocity: 1.0, max_effort: 10.0}}")
-    limits = ac.load_arm(
-        robot, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file)
-    ).limits
+    limits = ac.load_arm(robot, base="base_link", tip="tcp", joint_limits=file).limits
     np.testing.assert_array_equal(limits.joint_velocity, [1, 1.5, 2.5, 4])
     np.testing.assert_array_equal(limits.joint_torque, [10, 70, 40, 15])
     # Accelerations of the other joints are assumed; a joint may have no velocity limit.
     file.write_text("joint_limits: {pan: {max_acceleration: 9, has_velocity_limits: false}}")
-    arm = ac.load_arm(ROBOT, ac.ArmOptions(base="base_link", tip="tcp", joint_limits=file))
+    arm = ac.load_arm(ROBOT, base="base_link", tip="tcp", joint_limits=file)
     np.testing.assert_array_equal(arm.limits.joint_velocity, [np.inf, 1.5, 2.5, 4])
     np.testing.assert_array_equal(arm.limits.joint_acceleration, [9, 1.5, 2.5, 4])
     assert any("no acceleration limits of tilt, elbow, roll" in x for x in arm.notes)
@@ -440,7 +438,7 @@ def test_a_calibrated_arm_moves_by_the_transforms_of_its_file(tmp_path):
     file = tmp_path / "own.yaml"
     file.write_text(calibration_text(OWN))
     text = "name: own\narm: {name: ur5e, calibration: own.yaml}\n"
-    arm = ac.load_arm("UR5e", ac.ArmOptions(calibration=file))
+    arm = ac.load_arm("UR5e", calibration=file)
     q = np.random.default_rng(0).uniform(-3, 3, (20, 6))
     for angles, pose in zip(q, arm.forward(q), strict=True):
         expected = np.eye(4)
@@ -457,7 +455,7 @@ def test_a_calibrated_arm_moves_by_the_transforms_of_its_file(tmp_path):
     )
     np.testing.assert_array_equal(job.arm.chain.positions, arm.chain.positions)
     file.write_text(calibration_text(NOMINAL))
-    same = ac.load_arm("ur5e", ac.ArmOptions(calibration=file))
+    same = ac.load_arm("ur5e", calibration=file)
     np.testing.assert_allclose(same.forward(q), nominal.forward(q), atol=2e-9)
 
 
@@ -472,6 +470,6 @@ def test_invalid_calibrations_and_those_of_other_robots_are_refused(tmp_path):
 
     def load(case):
         file.write_text(case[1])
-        return ac.load_arm(case[0], ac.ArmOptions(calibration=file))
+        return ac.load_arm(case[0], calibration=file)
 
     refusals(load, table)

@@ -30,12 +30,12 @@ def load(tmp_path, *changes, file="robot.urdf", **options):
         assert old in text
         text = text.replace(old, new)
     (tmp_path / file).write_text(text)
-    return ac.load_arm(tmp_path / file, ac.ArmOptions(**WHOLE | options))
+    return ac.load_arm(tmp_path / file, **WHOLE | options)
 
 
 def original_arm(*, tool=None, work=None, **options):
     """Load the arm from the unchanged file."""
-    return ac.load_arm(ROBOT, ac.ArmOptions(**WHOLE | options), tool=tool, work=work)
+    return ac.load_arm(ROBOT, **WHOLE | options, tool=tool, work=work)
 
 
 def compute_with_mujoco(q, dq, ddq, held):
@@ -153,7 +153,7 @@ def test_random_urdf_files_are_read_like_pinocchio_does(tmp_path, seed):
         )
     text = f'<robot name="random">{"".join(links + joints)}</robot>'
     (tmp_path / "random.urdf").write_text(text)
-    arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp"))
+    arm = ac.load_arm(tmp_path / "random.urdf", tip="tcp")
     assert len(arm.chain) > 5
     compare_with_pinocchio(arm, text, {})
 
@@ -461,7 +461,7 @@ def test_xml_that_cannot_be_read_is_refused(tmp_path):
     for encoding in ("latin-1", "utf-16"):
         text = f'<?xml version="1.0" encoding="{encoding}"?>' + plain
         file.write_bytes(text.encode(encoding))
-        assert ac.load_arm(file, ac.ArmOptions(base="base_link", tip="tcp")).name == "Höhe"
+        assert ac.load_arm(file, base="base_link", tip="tcp").name == "Höhe"
 
 
 def links(count):
@@ -477,7 +477,7 @@ def links(count):
 def test_long_and_deep_descriptions_are_read(tmp_path):
     file = tmp_path / "robot.urdf"
     file.write_text(links(1000))
-    assert ac.load_arm(file, ac.ArmOptions(tip="l999")).dof == 999
+    assert ac.load_arm(file, tip="l999").dof == 999
 
     # Unknown elements are ignored.
     deep = "<extra>" * 90 + "</extra>" * 90
@@ -531,7 +531,7 @@ def load_joints(tmp_path, joints, **options):
             '<origin xyz="0 0 0.1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
         )
     (tmp_path / "r.urdf").write_text(f'<robot name="r">{text}</robot>')
-    return ac.load_arm(tmp_path / "r.urdf", ac.ArmOptions(**options))
+    return ac.load_arm(tmp_path / "r.urdf", **options)
 
 
 def test_the_default_tip_is_tool0_or_else_flange(tmp_path):
@@ -554,3 +554,16 @@ def test_files_of_other_formats_are_refused_with_their_remedy(tmp_path):
     table += [("a.XACRO", "pip install xacrodoc ... -o robot.urdf"), ("b.xml", "Use a URDF")]
     for read in (ac.load_arm, ac.read_log, ac.read_trajectory):
         refusals(read, table, "files are not supported. ")
+
+
+def test_a_range_of_a_continuous_joint_is_noted(tmp_path):
+    range_of = '<limit lower="-1" upper="1" velocity="2" effort="5"/>'
+    text = ROBOT.read_text(encoding="utf-8")
+    assert not any("continuous" in x for x in original_arm().notes)
+    joint = re.search(r'<joint name="\w+" type="continuous">', text)
+    assert joint is not None
+    changed = text.replace(joint[0], joint[0] + range_of, 1)
+    (tmp_path / "range.urdf").write_text(changed, encoding="utf-8")
+    arm = ac.load_arm(tmp_path / "range.urdf", **WHOLE)
+    (note,) = (x for x in arm.notes if "continuous" in x)
+    assert joint[0].split('"')[1] in note

@@ -81,7 +81,7 @@ def urdf_arm(kind):
         options["part"] = "table"
     file = Path(mkdtemp()) / f"{kind}.urdf"
     file.write_text(f'<robot name="{kind}">{text}</robot>')
-    return ac.load_arm(str(file), ac.ArmOptions(**options), tool=TOOL)
+    return ac.load_arm(str(file), **options, tool=TOOL)
 
 
 def make_arm(kind, seed, tilt=None):

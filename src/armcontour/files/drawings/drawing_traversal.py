@@ -34,6 +34,8 @@ from armcontour.program.offset_curves import find_crossings, to_pieces
 
 # Fraction of the progress that is reported for the traversal of a drawing; the rest is for fitting.
 TRAVERSAL_SHARE = 0.4
+# First words of the note on dashed lines, which are often folds or centre lines.
+DASHED = "Read as continuous contours, although they are drawn in dashes"
 # Largest number of entities that a note lists.
 MAX_NAMED = 9
 NO_SIZE = "Skipped because they have no size"

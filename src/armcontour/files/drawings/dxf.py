@@ -20,6 +20,7 @@ from armcontour.core.text import count_noun, list_some
 from armcontour.files.colors import hex_of
 from armcontour.files.drawings.arc_chain import WITHOUT_Z, Affine
 from armcontour.files.drawings.drawing_traversal import (
+    DASHED,
     TRAVERSAL_SHARE,
     EntityOutlines,
     Inherited,
@@ -86,6 +87,8 @@ BROKEN = "Skipped because they cannot be read"
 BY_BLOCK = 0
 # AutoCAD colour number: the colour of the layer.
 BY_LAYER = 256
+# Line type of entities that have the line type of their layer.
+LIKE_LAYER = "BYLAYER"
 # AutoCAD colour number: black or white, whichever contrasts with the background.
 ACI_WHITE = 7
 # All names of the colour ACI_WHITE.
@@ -177,6 +180,7 @@ class DxfWalk(Walk):
         self._block_sizes: dict[str, int] = {}
         self._layers: dict[str, tuple[str, str]] = {DEFPOINTS: ("Defpoints", UNPLOTTED)}
         self._layer_colors: dict[str, frozenset[str]] = {}
+        self._layer_line_types: dict[str, str] = {}
 
     def explain_empty(self) -> str:
         """Explain why no contour is selected, for the error; "" if no other layer has entities."""
@@ -193,6 +197,7 @@ class DxfWalk(Walk):
                 name = _fold_case(layer.dxf.name)
                 self._layers[name] = (layer.dxf.name, _state_of(layer, name))
                 self._layer_colors[name] = _color_names(layer, abs(layer.color))
+                self._layer_line_types[name] = _attribute(layer, "linetype", "CONTINUOUS")
             entities = self.document.modelspace()
         except Exception as error:
             raise InvalidInput(f"{self.source} is damaged ({error_line(error)}).") from None
@@ -250,12 +255,23 @@ class DxfWalk(Walk):
         else:
             raise Unreadable(f"is of an unsupported type. {EXPLODE}")
 
+    def _is_dashed(self, entity: Any, layer: str) -> bool:
+        """Return whether an entity is drawn in dashes, by its own line type or its layer's."""
+        line_type = _attribute(entity, "linetype", LIKE_LAYER)
+        if line_type.upper() == LIKE_LAYER:
+            line_type = self._layer_line_types.get(_fold_case(layer), "CONTINUOUS")
+        table = self.document.linetypes
+        # The pattern of a continuous line has no dashes.
+        return table.has_entry(line_type) and bool(table.get(line_type).simplified_line_pattern())
+
     def _shape(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
     ) -> Iterator[EntityOutlines]:
         """Yield the outline of an entity if the options select its colour."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
+        if self._is_dashed(entity, layer):
+            self.omit(DASHED, kind)
         check_required(entity)
         shape = SHAPES[entity.dxftype()](entity)
         outlines = []

@@ -13,6 +13,7 @@ from armcontour.core.progress import Progress
 from armcontour.files.colors import color_of
 from armcontour.files.drawings.arc_chain import Affine, ArcChain
 from armcontour.files.drawings.drawing_traversal import (
+    DASHED,
     NO_SIZE,
     TRAVERSAL_SHARE,
     EntityOutlines,
@@ -330,10 +331,16 @@ class SvgWalk(Walk):
 
     def _check_style(self, element: Element) -> None:
         """Refuse or record style properties that are not supported."""
-        if element.style("mask") not in NO_EFFECT:
+        mask = element.style("mask")
+        if self._is_dead(mask):
+            self.omit(NO_TARGET, f"mask of {element.name}")
+        elif mask not in NO_EFFECT:
             self._refuse_or_ignore(element, "masks are not supported")
         if any(element.style(key) not in NO_EFFECT for key in MARKERS):
             self.omit(MARKED, element.name)
+        dashes = element.style("stroke-dasharray")
+        if dashes not in NO_EFFECT and dashes.strip("0, ") != "":
+            self.omit(DASHED, element.name)
         if element.style_property("transform") or element.style("transform-origin"):
             self._refuse_or_ignore(
                 element, "transforms in a style or with an origin are not supported"
@@ -341,6 +348,10 @@ class SvgWalk(Walk):
 
     def _clipped(self, element: Element, inherited: _SvgInherited, reference: str) -> _SvgInherited:
         """Return the properties of an element with the clip to which its clip-path refers."""
+        if self._is_dead(reference):
+            # By the standard, a reference to a missing element clips nothing.
+            self.omit(NO_TARGET, f"clip path of {element.name}")
+            return inherited
         name = _URL.fullmatch(reference)
         target = self._ids.get(name[1]) if name else None
         outline = None if target is None else self._clip_outline(target, inherited)
@@ -348,6 +359,11 @@ class SvgWalk(Walk):
             self._refuse_or_ignore(element, "clip paths other than one outline are not supported")
             return inherited
         return dataclasses.replace(inherited, clips=(*inherited.clips, outline))
+
+    def _is_dead(self, reference: str) -> bool:
+        """Return whether a property refers to an element that the file does not have."""
+        name = _URL.fullmatch(reference)
+        return name is not None and name[1] not in self._ids
 
     def _clip_outline(self, target: Element, inherited: _SvgInherited) -> Outline | None:
         """Return the only outline of a clipPath on the page [m]; None if it has several or none."""

@@ -137,6 +137,8 @@ def parse_tree(data: bytes, source: str) -> Element:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
+        if _is_in_comment(data, parser.ErrorByteIndex):
+            reason = "a comment has two hyphens, --, which XML reserves for its end; write one"
         raise InvalidInput(
             f"{source}, line {error.lineno}: the file is not well-formed XML ({reason})."
         ) from None
@@ -145,6 +147,15 @@ def parse_tree(data: bytes, source: str) -> Element:
             raise
         raise InvalidInput(f"{source} cannot be parsed as XML ({str(error)[:200]}).") from None
     return _svg_element(builder.root, source)
+
+
+def _is_in_comment(data: bytes, place: int) -> bool:
+    """Return whether the byte of an error is in a comment that has two hyphens before its end."""
+    start = data.rfind(b"<!--", 0, place)
+    if start < 0:
+        return False
+    hyphens = data.find(b"--", start + len(b"<!--"))
+    return hyphens >= 0 and data[hyphens : hyphens + 3] != b"-->" and place <= hyphens + 3
 
 
 def _svg_element(root: Element | None, source: str) -> Element:

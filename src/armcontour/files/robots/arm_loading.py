@@ -25,6 +25,7 @@ from armcontour.files.robots.urdf_tree import (
 from armcontour.robot.arm import Arm
 from armcontour.robot.bodies import Payload
 from armcontour.robot.chain import Chain
+from armcontour.robot.external_axes import Tilt
 from armcontour.robot.limits import LIMITS as RECORDS
 from armcontour.robot.limits import Limits
 from armcontour.robot.planar import LinkTube, PlanarTwoLink
@@ -92,8 +93,14 @@ def arm_names() -> tuple[str, ...]:
 @checked
 def load_arm(
     name: str | FilePath,
-    options: ArmOptions = ArmOptions(),
     *,
+    tip: str | None = None,
+    base: str | None = None,
+    part: str | None = None,
+    tilt: Tilt | None = None,
+    joint_limits: str | FilePath | None = None,
+    calibration: str | FilePath | None = None,
+    srdf: str | FilePath | None = None,
     tool: Pose | None = None,
     work: Pose | None = None,
     payload: Payload | None = None,
@@ -101,7 +108,7 @@ def load_arm(
     """Load an arm by its built-in name, such as "ur5e", or from a file.
 
         arm = load_arm("ur5e", tool=pinocchio.SE3(rotation, position))
-        own = load_arm("robot.urdf", ArmOptions(tip="tool0"))
+        own = load_arm("robot.urdf", tip="tool0")
 
     >>> ac.load_arm("ur5e", tool=ac.Frame((0.0, 0.0, 0.1))).dof
     6
@@ -109,7 +116,19 @@ def load_arm(
     Args:
         name: Built-in name, arm file (.yaml) or robot description (.urdf). In a built-in name, case
             and hyphens are ignored.
-        options: Options, such as ArmOptions(tip="tool0") for a robot description.
+        tip: Link at the end of the arm, for a robot description (.urdf); by default `tool0`, or
+            `flange` if there is no `tool0`.
+        base: Fixed link at the start of the arm, for a robot description; by default the root.
+        part: Link that carries the part, for a robot description of a cell: the joints between it
+            and the base are the axes of a positioner, and its frame is the default work frame.
+        tilt: Largest angle between the tool axis and gravity [rad]: the positioner turns the part
+            so that the tool points downwards. By default any angle is allowed.
+        joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
+            Its default scaling factors are not applied.
+        calibration: File of UR's `ur_calibration` for a built-in UR arm (.yaml): the transforms of
+            the six links of your robot, which differ from the nominal ones by up to centimetres at
+            the tool.
+        srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.
@@ -119,6 +138,15 @@ def load_arm(
         InvalidInput: The arm or file does not exist, an option is not valid for its kind, or the
             file does not describe an arm.
     """
+    options = ArmOptions(
+        tip=tip,
+        base=base,
+        part=part,
+        tilt=tilt,
+        joint_limits=joint_limits,
+        calibration=calibration,
+        srdf=srdf,
+    )
     name = FilePath(name)
     arm = _load(name, options, payload)
     if options.calibration is not None:

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
-from armcontour.core.text import list_some
+from armcontour.core.text import list_some, plain_number
 from armcontour.files.robots.moveit_limits import (
     KINDS,
     SOFT,
@@ -122,6 +122,7 @@ def read_arm(file: FilePath, options: ArmOptions) -> SerialArm:
     chain = chain.replace(columns=_columns(chain))
     notes = (
         *description.notes,
+        _note_ranges(moving),
         described.note,
         missing_meshes(tree),
         _note_without_shape(description),
@@ -160,6 +161,25 @@ def _note_columns(chain: Chain) -> str:
         return ""
     names = ", ".join(chain.joints[k] for k in chain.columns)
     return f"{names} counts as an external axis, because it carries a robot of six joints"
+
+
+def _note_ranges(moving: list[Joint]) -> str:
+    """Return a note on the ranges of continuous joints, which have none by their type."""
+    names = [x.name for x in moving if x.kind == "continuous" and _has_range(x)]
+    if not names:
+        return ""
+    return (
+        f"the ranges of {list_some(names, MAX_NAMED)} are ignored, because the type of these "
+        "joints is continuous; for a range, use the type revolute"
+    )
+
+
+def _has_range(joint: Joint) -> bool:
+    """Return whether a joint has a lower or an upper limit that is not 0."""
+    limit = joint.element.find("limit")
+    return limit is not None and any(
+        plain_number(limit.get(key)) not in (None, 0) for key in ("lower", "upper")
+    )
 
 
 def _note_without_shape(description: Description) -> str:

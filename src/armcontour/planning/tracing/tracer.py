@@ -45,7 +45,15 @@ from armcontour.planning.tracing.parallel_joints import check_held, turn_as_tool
 from armcontour.planning.tracing.path_samples import CHORD_TURN, PathSamples, sample_path
 from armcontour.planning.tracing.positioner_tilt import check_tilt
 from armcontour.planning.tracing.tool_cone import check_cone, cone_of
-from armcontour.robot import Arm, Chain, Limits, PlanarTwoLink, SerialArm, pose_solver
+from armcontour.robot import (
+    Arm,
+    Chain,
+    Limits,
+    PlanarTwoLink,
+    SerialArm,
+    load_named,
+    pose_solver,
+)
 from armcontour.robot.inverse_kinematics import AXIS
 from armcontour.robot.preferred_chain import list_held
 from armcontour.robot.tool_turning import REACHED_ANGLE
@@ -363,7 +371,7 @@ def trace(
     """
     joint_paths = trace_all(
         path,
-        arm,
+        load_named(arm),
         limits=limits,
         configuration=configuration,
         seed=seed,

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, joint_label, short_repr
+from armcontour.core.text import count_noun, draw, draw_as_html, joint_label, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
@@ -260,6 +260,9 @@ class Certificate(Result):
     contours: tuple[ContourCertificate, ...]
     uncertified: Uncertified
     shapes: Mapping[str, float]
+
+    plot = draw
+    _repr_html_ = draw_as_html
 
     def to_data(self) -> Data:
         """Return data of the verdict, the parts of the error, and the model."""

@@ -80,9 +80,17 @@ G_GROUP: dict[int, str] = {
     **dict.fromkeys(SYSTEMS, "coordinate systems"),
     **dict.fromkeys((EXACT_PATH, EXACT_STOP, BLEND), "path control"),
 }
-# Modal codes that cause no motion: diameters off (G8), polar coordinates off (G15), rotation off
-# (G69), and the spindle speed in revolutions per minute (G97).
-WITHOUT_MOTION = frozenset((80, 150, 690, 970))
+# Modal codes that cause no motion: diameters off (G8), polar interpolation off (G13.1), polar
+# coordinates off (G15), limits of the work space off (G23), normal direction off (G40.1), modal
+# macro off (G67), rotation off (G69), and the spindle speed in revolutions per minute (G97).
+WITHOUT_MOTION = frozenset((80, 131, 150, 230, 401, 670, 690, 970))
+# Modal codes that cause no motion if their line has no coordinates: the look-ahead of controllers
+# of Fanuc (G5 P10000, G5.1 Q1) and Haas (G187 P1), and scaling off (G50). With coordinates, G5 and
+# G5.1 are splines, and G50 shifts the origin of a lathe.
+WITHOUT_COORDINATES = frozenset((50, 51, 500, 1870))
+# Words of the codes in WITHOUT_COORDINATES.
+SETTINGS = "PQRE"
+COORDINATES = "XYZABCUVWIJK"
 M_GROUP: dict[int, str] = {
     **dict.fromkeys((0, 1, 2, 30), "stopping"),
     **dict.fromkeys((3, 4, 5), "spindle"),
@@ -135,13 +143,15 @@ class Block:
     `motion` is the G code of the modal group for motion, or None.
     """
 
-    __slots__ = ("g", "m", "motion", "words")
+    __slots__ = ("g", "m", "motion", "settings", "words")
 
     def __init__(self) -> None:
         self.g: list[int] = []
         self.motion: int | None = None
         self.m: list[int] = []
         self.words: dict[str, float] = {}
+        # The codes in WITHOUT_COORDINATES.
+        self.settings: list[int] = []
 
     def drop(self, letters: str) -> None:
         """Remove the words with these letters, if the line has them."""
@@ -173,7 +183,18 @@ def parse(line: str, notes: Notes) -> Block:
             "numbers with an exponent are not valid in G-code. Write the number without an "
             "exponent, or write a space before E if E is a word"
         )
+    if block.settings:
+        _drop_settings(block, notes)
     return block
+
+
+def _drop_settings(block: Block, notes: Notes) -> None:
+    """Leave out the settings of a controller with their words, and note them."""
+    for code in block.settings:
+        if any(letter in block.words for letter in COORDINATES):
+            raise unsupported(g_name(code))
+        notes.skip(g_name(code))
+    block.drop(SETTINGS)
 
 
 def _add_word(block: Block, letter: str, number: str, position: int, notes: Notes) -> None:
@@ -222,6 +243,9 @@ def _add_g(block: Block, value: float, text: str, notes: Notes) -> None:
     code = round(value * 10)
     if code in WITHOUT_MOTION and abs(value * 10 - code) <= WHOLE_TOLERANCE:
         notes.skip(g_name(code))
+        return
+    if code in WITHOUT_COORDINATES and abs(value * 10 - code) <= WHOLE_TOLERANCE:
+        block.settings.append(code)
         return
     if abs(value * 10 - code) > WHOLE_TOLERANCE or code not in G_GROUP:
         raise unsupported(text)
