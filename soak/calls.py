@@ -23,6 +23,7 @@ from armcontour import files, geometry, jobs
 from armcontour.control.learning import Recording
 from armcontour.files.exports import (
     CsvFormat,
+    McapFormat,
     RosYamlFormat,
     TemplateFormat,
     URScriptFormat,
@@ -233,7 +234,7 @@ def instances() -> Iterator[Any]:
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield jobs.Uncertainty(dead_time=1e-3)
-    yield from (CsvFormat(), RosYamlFormat())
+    yield from (CsvFormat(), RosYamlFormat(), McapFormat())
     yield from (URScriptFormat(), TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())

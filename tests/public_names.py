@@ -10,7 +10,7 @@ OWNED = {
     "control.identification": "Identification",
     "control.learning": "LearningResult LearningRun Recording",
     "controllers": "Chunk LinuxCNC Motion Played PlayedMotion RollingRows",
-    "files.exports": "CsvFormat RosYamlFormat TemplateFormat URScriptFormat",
+    "files.exports": "CsvFormat McapFormat RosYamlFormat TemplateFormat URScriptFormat",
     "geometry": "Orientation RoundedPath ShapedPath",
     "jobs": "JobResult",
     "planning": "Explanation PlanOptions",

@@ -91,9 +91,6 @@ def run_page(page, names):
         if block.language == "python" and "not run" not in block.marks:
             if 'read_log("log.csv")' in block.text:
                 write_log(Path("log.csv"), names["t"], names["u"])
-            if "rosbags" in block.text:
-                pytest.importorskip("rosbags")
-                write_bag(Path("run1"))
             printed += run_python(block, names)
     return printed
 
@@ -108,30 +105,6 @@ def write_log(file, t, u):
     table = np.column_stack([t, u, measured])
     head = "# interpolation: linear\nt,command 1,measured 1"
     np.savetxt(file, table, fmt="%.9f", delimiter=",", header=head, comments="")
-
-
-def write_bag(folder):
-    """The state of a controller in a bag, as `ros2 bag record` writes it."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    kind = "control_msgs/msg/JointTrajectoryControllerState"
-    point = "JointTrajectoryPoint"
-    fields = "".join(f"trajectory_msgs/{point} {x}\n" for x in ("reference", "feedback"))
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    definition = f"std_msgs/Header header\nstring[] joint_names\n{fields}"
-    store.register(get_types_from_msg(definition, kind))
-    make = {name.rpartition("/")[2]: x for name, x in store.types.items()}
-    none = dict.fromkeys(("velocities", "accelerations", "effort"), np.zeros(0))
-    none["time_from_start"] = make["Duration"](sec=0, nanosec=0)
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topic = writer.add_connection("/arm/controller_state", kind, typestore=store)
-        for i in range(400):
-            header = make["Header"](make["Time"](sec=7 + i // 250, nanosec=i % 250 * 4_000_000), "")
-            q = np.sin([0.02 * i, 0.03 * i])
-            both = [make[point](positions=x, **none) for x in (q, q - 0.01)]
-            message = make[kind.rpartition("/")[2]](header, ["elbow", "wrist"], *both)
-            writer.write(topic, i, store.serialize_cdr(message, kind))
 
 
 def do_page(page):
@@ -155,12 +128,6 @@ def test_python_blocks_of_pages_run(page, folder):
     if page == "README.md":
         _, expected = (x.text for x in blocks(PAGES[page]) if x.language == "text")
         assert agree(expected, printed)
-    if page == "docs/guides/controllers/ros2.md":
-        log = ac.read_log("run1.csv")
-        assert log.joint_names == ("elbow", "wrist")
-        np.testing.assert_allclose(log.t, 4e-3 * np.arange(400), atol=1e-9)
-        np.testing.assert_allclose(log.command[:, 1], np.sin(0.03 * np.arange(400)), atol=1e-12)
-        np.testing.assert_allclose(log.command - log.measured, 0.01, atol=1e-12)
     if page == "docs/guides/identify.md":
         assert names["identification"]["joint 1"].kp.value == pytest.approx(25.0, rel=0.01)
 

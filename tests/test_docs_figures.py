@@ -83,7 +83,7 @@ def test_learning_figures_in_readme_equal_output_of_example():
     first, third = (numbers(runs[k])[1] for k in (0, 2))
     words = " ".join(page("README.md").split())
     stated = re.search(
-        r"is ([\d.]+) mm RMS in the first run.*?to ([\d.]+) mm RMS in the third", words
+        r"is ([\d.]+) mm RMS in the first run.*?and ([\d.]+) mm RMS in the third", words
     )
     assert stated.groups() == (first, third)
 
@@ -92,10 +92,10 @@ def test_readme_states_error_of_its_example_without_compensation():
     text = page("README.md")
     names = {}
     exec(text.split("```python\n")[1].split("```")[0], names)
-    plain = ac.compensate(names["planned"], SERVO, ac.NoCompensation(), cycle=CYCLE)
+    plain = ac.compensate(names["planned"], names["assumed"], ac.NoCompensation(), cycle=CYCLE)
     error = ac.evaluate(ac.simulate(plain, names["robot"]), names["rounded"]).contour_error
-    printed = re.search(r"Without compensation: ([\d.]+) mm RMS", text)
-    is_printed([error.rms * 1e3], printed.groups())
+    printed = re.search(r"Without compensation: ([\d.]+) mm RMS, ([\d.]+) mm at most", text)
+    is_printed([error.rms * 1e3, error.max * 1e3], printed.groups())
 
 
 def test_readme_states_prediction_of_recorded_logs():
@@ -103,11 +103,13 @@ def test_readme_states_prediction_of_recorded_logs():
     fit = ac.identify(ac.read_log(logs / "A.csv"))
     prediction = fit.predict(ac.read_log(logs / "B.csv"))
     share = 100 * prediction.rms / prediction.tracking_rms
-    words = " ".join(page("README.md").split())
-    stated = re.search(r"axes 1 and 4 .*? to (\d+) and (\d+) % of their tracking error", words)
+    text = page("README.md")
+    stated = re.search(r"leaves (\d+) % \(axis 1\) and (\d+) % \(axis 4\)", text)
     is_printed([share[0], share[3]], stated.groups())
+    stated = re.search(r"axes 3 and 6: (\d+) and (\d+) %", text)
+    is_printed([share[2], share[5]], stated.groups())
     without_model = [k + 1 for k, joint in enumerate(fit.joints) if not joint.written]
-    (stated,) = re.findall(r"axes (\d) and (\d) get no model", words)
+    (stated,) = re.findall(r"axes (\d) and (\d) get no model", text)
     assert without_model == [int(x) for x in stated]
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from tests.cells.own_kinematics import Cell, between_samples, number, read_motion
 
-# Samples of which the distances to the path are computed at once.
-BATCH = 1000
+# Distances of samples to lines that are computed at once, which limits the memory.
+DISTANCES = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,9 @@ def nearest(line, points):
     distances = []
     indices = []
     fractions = []
-    for first in range(0, len(points), BATCH):
-        batch = points[first : first + BATCH]
+    samples = max(1, DISTANCES // len(start))
+    for first in range(0, len(points), samples):
+        batch = points[first : first + samples]
         offset = batch[:, None] - start
         share = np.clip(np.einsum("nsk,sk->ns", offset, along) / squares, 0, 1)
         gap = np.linalg.norm(offset - share[..., None] * along, axis=2)

@@ -32,6 +32,10 @@ NEEDS = {
     "cad": ("OCP", ["show a.step", "run a.step --cell ur5e --out out"]),
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "studio": ("uvicorn", ["studio --no-open"]),
+    "ros": (
+        "rosbags.rosbag2",
+        ["identify a.mcap", "check a.db3 --arm ur5e", "run job.yaml --out out --export mcap"],
+    ),
 }
 
 
@@ -45,6 +49,8 @@ def folder(tmp_path):
     (tmp_path / "a.csv").write_text(f"t,q1,q2,q3,q4,q5,q6\n{''.join(rows)}")
     (tmp_path / "a.dxf").write_bytes(b"")
     (tmp_path / "a.step").write_bytes(b"")
+    (tmp_path / "a.mcap").write_bytes(b"")
+    (tmp_path / "a.db3").write_bytes(b"")
     return tmp_path
 
 

@@ -124,7 +124,7 @@ def test_missing_and_binary_files_are_refused(tmp_path, read):
         (b"\xff\xfe\x00", "not UTF-8"),
         (b"t,q1\n0,\xff\0\n", "UTF-8"),
         (lfs, "git lfs pull"),
-        (b"#ROSBAG V2.0\n\x45\xff\0", "a bag of ROS. Write a CSV file"),
+        (b"#ROSBAG V2.0\n\x45\xff\0", "a bag of ROS 1 ... rosbags-convert"),
     ]
     refusals(read, contents)
     refusals(lambda x: read(x, "a.bag"), contents[2:])

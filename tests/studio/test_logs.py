@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.files.bags import STATE, controller_state, write_db3
 from tests.studio.robot_logs import HEAD, TRUE, write_table
 from tests.studio.session_pages import RecordingTaskWorker, SessionPage, figure, session_of
 
@@ -182,3 +183,23 @@ def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, ho
     session.close()
     assert not any(x.is_file() for x in (home / "armcontour" / "studio" / "uploads").rglob("*"))
     assert sorted(file.parent.rglob("*")) == before
+
+
+def test_a_bag_of_ros_is_a_log(ask, file, log, robot, tmp_path):
+    """The bag has the samples of the table, for two controllers."""
+    pytest.importorskip("rosbags")
+    rows = np.genfromtxt(log, delimiter=",", skip_header=1)
+    messages = []
+    for topic in ("/a/controller_state", "/b/controller_state"):
+        for row in rows:
+            stamp = int(round(row[0] * 1e9))
+            data = controller_state(["joint 1", "joint 2"], stamp, row[1:3], row[3:5])
+            messages.append((topic, STATE, stamp, data))
+    bag = write_db3(tmp_path / "run.db3", messages)
+    with pytest.raises(InvalidInput, match="/a/controller_state.*/b/controller_state"):
+        ask("identify", bag)
+    of_bag = ask("identify", bag, topic="/b/controller_state").header
+    of_table = ask("identify", log).header
+    assert of_bag["tables"] == of_table["tables"]
+    session = session_of(file)
+    assert session.editor.uploads.keep_log("run.db3", bag.read_bytes()) == "run.db3"

@@ -189,7 +189,9 @@ def _run(job: Job, options: Check) -> Run:
 
 def _samples(options: Check, arm: Arm) -> TrajectoryFile:
     """Read a trajectory file, check its joints and ranges, and apply `--noise`."""
-    samples = files.read_trajectory(options.trajectory, arm.joint_names, columns=options.columns)
+    samples = files.read_trajectory(
+        options.trajectory, arm.joint_names, columns=options.columns, topic=options.topic
+    )
     if samples.q.shape[1] != arm.dof:
         raise_other_joints(samples.source, samples.joints, arm.joint_names)
     check_range_of_log(

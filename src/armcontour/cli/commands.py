@@ -99,7 +99,18 @@ class LogOptions:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WindowOptions(LogOptions):
+class BagOptions(LogOptions):
+    """Log and files of numbers.
+
+    Args:
+        topic: Topic of a bag of ROS 2, if several have joints: /arm_controller/controller_state.
+    """
+
+    topic: Text = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class WindowOptions(BagOptions):
     """Log and files of numbers.
 
     Args:
@@ -282,13 +293,13 @@ class Init:
 
 
 @command(JUDGE, "check motion.csv --arm ur5e --noise '0.05 mrad'")
-class Check(LogOptions, Json):
+class Check(BagOptions, Json):
     """Check a joint trajectory against limits.
 
     Exit codes: 0 all limits kept, 1 a limit violated, 7 the samples cannot tell, 2 invalid input.
 
     Args:
-        trajectory: Time-stamped joint trajectory: CSV, or YAML of ROS.
+        trajectory: Time-stamped joint trajectory: CSV, or a bag or YAML of ROS.
         arm: Built-in arm, an arm file (.yaml, .urdf), or a job file or cell with the arm; by
             default the job's.
         limits: Limits file (YAML); by default the limits of the job, or of the arm.
@@ -356,7 +367,8 @@ class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
     Exit codes: 0 good, 1 a joint or the compensation is doubtful, 9 good for one program only.
 
     Args:
-        logs: Log of time, command and measured: CSV; several are joined. With --on, a job.
+        logs: Log of time, command and measured: CSV, or a bag of ROS 2; several are joined. With
+            --on, a job.
         run_name: With --on, run of the job.
         reserve: With --on, minimum reserve of this run.
         arm: Arm with whose tool the errors are also reported: as for check.
@@ -392,7 +404,7 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
             for play.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
-        log: Log of that run: CSV of positions over time.
+        log: Log of that run, with positions over time: CSV, or a bag of ROS 2.
     """
 
     run_name: Name = None

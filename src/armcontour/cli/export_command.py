@@ -32,6 +32,8 @@ from armcontour.verification.evaluation import duration_row
 
 # Label of exported set-points; that of the exported plan is REFERENCE.
 SET_POINTS = "set_points"
+# Label of a file with all motions of a run.
+MOTIONS = "motions"
 # Ratio of an exported acceleration to its limit above which a warning is given.
 MAX_ACCELERATION_RATIO = 3.0
 
@@ -69,7 +71,9 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
     warnings = dict[str, None]()
     for kind in job.export.formats:
         motions: list[tuple[str, SetPoints | Trajectory]] = [(REFERENCE, result.trajectory)]
-        if kind not in BUILT_IN:
+        if formats.format_named(kind).has_all_motions:
+            motions = [(MOTIONS, result.set_points)]
+        elif kind not in BUILT_IN:
             # KUKA and ABB plan the motion between points, so that set-points are no use.
             motions.append((SET_POINTS, result.set_points))
         for motion_label, motion in motions:
@@ -102,10 +106,11 @@ def _write_export(
 
     - `file`: name of the file, relative to the result folder.
     - `kind`: name of the format, or path of a template.
-    - `motion_label`: REFERENCE for the plan, or SET_POINTS.
+    - `motion_label`: REFERENCE for the plan, SET_POINTS, or MOTIONS.
     """
     options = job.export
     format = formats.format_named(kind, options)
+    format = format.with_motions(result.trajectory, job.arm, result.execution)
     cycle = None
     if motion_label == REFERENCE:
         requested = None if format.needs_cycle_of_run else options.cycle

@@ -84,7 +84,7 @@ def _identify_robot(
 
     count = len(options.logs)
     raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
-    options_of_logs = ("arm", "validate", "columns", "start", "end")
+    options_of_logs = ("arm", "validate", "columns", "topic", "start", "end")
     refuse_given(options, options_of_logs, "applies only to logs. Remove it, or remove --on.")
     raise_if(
         options.execute and folder is None,
@@ -133,7 +133,7 @@ def _write_lost(result: RobotIdentification, folder: ResultFolder | None) -> lis
 def _read(log: FilePath, options: Identify, arm: Arm | None) -> Log:
     """Read a log with its joints in the order of an arm, and print its notes."""
     start, end = read_window(options.start, options.end)
-    content = read_log(log, start=start, end=end, columns=options.columns)
+    content = read_log(log, start=start, end=end, columns=options.columns, topic=options.topic)
     if arm is not None:
         content = arrange_joints(content, arm.joint_names)
     print_lines(*(f"Note: {x}" for x in content.notes), err=True)

@@ -265,8 +265,8 @@ EXPORTS = Topic(
         JobOption(
             "--export",
             "export.formats",
-            "Formats: csv, ros-yaml, urscript, kuka, abb, or a template such as house.j2; may be "
-            "repeated.",
+            "Formats: csv, ros-yaml, urscript, mcap, kuka, abb, or a template such as house.j2; "
+            "may be repeated.",
             kind=list[str],
             read=to_formats,
         ),

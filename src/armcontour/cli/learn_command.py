@@ -66,7 +66,9 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     progress(Step(("reading the log",)))
     set_points = read_set_points(options.set_points, job, plan)
     names = job.arm.joint_names
-    log = read_run_log(options.log, names, window=window, columns=options.columns)
+    log = read_run_log(
+        options.log, names, window=window, columns=options.columns, topic=options.topic
+    )
     print_lines(*(f"Note: {x}" for x in log.notes), err=True)
     lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
     learned_run = LearnedRun(job=job, plan=plan, lesson=lesson)

@@ -22,13 +22,14 @@ MEGABYTE = 1_000_000
 MAX_HAND_WRITTEN = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 MAX_RECORDED = 1000 * MEGABYTE
-_BAG = "Write a CSV file with the script in docs/guides/controllers/ros2.md"
+_BAG = "Only identify, learn and check read bags of ROS 2. Specify another file"
 # First bytes of unsupported files (placeholders, or formats to convert), each with the end of its
 # error message.
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself. Fetch "
     "it with `git lfs pull`",
-    b"#ROSBAG V": f"a bag of ROS. {_BAG}",
+    b"#ROSBAG V": "a bag of ROS 1. Convert it: `pip install rosbags`, then `rosbags-convert --src "
+    "FILE.bag --dst FOLDER`",
 }
 # Extensions of unsupported robots, logs and set-points, each with the remedy.
 ENDINGS = {

@@ -124,6 +124,7 @@ class CsvTable(Generic[Key]):
     lines: list[str]  # Lines of the rows, without blank lines and comments
     numbers: list[int]  # Line number in the file of each row, from 1
     comments: list[str]  # Lines that start with #
+    row_noun: str = "line"  # What a row is in the file, for messages
 
     def require_columns(self, *keys: Key) -> None:
         """Check that the table has columns for the given quantities."""
@@ -166,7 +167,7 @@ class CsvTable(Generic[Key]):
     def place(self, row: int, *keys: Key) -> str:
         """Return file, line of a row and titles of the given columns as text for messages."""
         titles = " ".join(self.columns[x].title for x in keys)
-        location = f"{self.source}, line {self.numbers[row]}"
+        location = f"{self.source}, {self.row_noun} {self.numbers[row]}"
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:

@@ -27,6 +27,7 @@ from armcontour.files.joint_table import (
     read_joint_title,
     read_samples,
 )
+from armcontour.files.ros_bag import is_bag, read_bag
 from armcontour.files.ros_table import joint_state_titles, name_joints
 from armcontour.motion.log import INTERPOLATIONS, Log, arrange_joints, cut_log
 
@@ -45,8 +46,9 @@ def read_log(
     start: float = -math.inf,
     end: float = math.inf,
     columns: str | None = None,
+    topic: str | None = None,
 ) -> Log:
-    """Read a log from a CSV file.
+    """Read a log from a CSV file, or from a bag of ROS 2.
 
     The first line of CSV names the columns: `t`, and for each joint a command, `u1`, `command 1` or
     `command shoulder`, and a measured position, `q1`, `measured 1` or `measured shoulder`. The
@@ -56,6 +58,9 @@ def read_log(
     measured position, are ignored. Separators are commas, semicolons, tabs or blanks. Lines that
     start with # are comments; the comment `# interpolation: step` specifies the interpolation
     between set-points. The column `plan time` of logs of `play` is the time of the plan.
+
+    A bag (.mcap, .db3, or its folder) needs the extra `ros` and the state of a joint trajectory
+    controller. Times are the stamps of its messages, from the first one.
 
     >>> log = ac.read_log("log.csv")
     >>> log.measured.shape == (len(log.t), 1)
@@ -68,13 +73,14 @@ def read_log(
         columns: Names of all columns of a CSV file, separated by commas, for a file without titles;
             `-` ignores a column. Or new names of some columns: `q1 [deg]=axis_1`, `q# [deg]=axis_#`
             for every number, `-=tool_*` for any text.
+        topic: Topic of a bag, if several have joints.
 
     Raises:
         InvalidInput: The file has another form, or `Log` rejects its samples; the message names
             file and line.
     """
     location = FilePath(file)
-    return _read_log(location, (), (start, end), columns, commanded=True)[0]
+    return _read_log(location, (), (start, end), columns, topic, commanded=True)[0]
 
 
 def log_text(log: Log) -> str:
@@ -110,11 +116,12 @@ def read_run_log(
     *,
     window: tuple[float, float] = (-math.inf, math.inf),
     columns: str | None = None,
+    topic: str | None = None,
     commanded: bool = False,
 ) -> Log | Recording:
     """Read the log of a robot run for learning; without commands, it is a `Recording`.
 
-    The file has the form of `read_log`, or is CSV with measured positions only. Joints with the
+    The file has the form of `read_log`, or has measured positions only. Joints with the
     names of the arm, also with a prefix, are sorted in the order of the arm. The order of other
     joints does not change.
 
@@ -123,6 +130,7 @@ def read_run_log(
         joint_names: Names of the arm's joints.
         window: First and last time to use [s].
         columns: As in `read_log`.
+        topic: As in `read_log`.
         commanded: Whether a log without commands is refused.
 
     Raises:
@@ -130,7 +138,9 @@ def read_run_log(
     """
     from armcontour.control.learning import Recording
 
-    log, has_commands = _read_log(FilePath(file), joint_names, window, columns, commanded=commanded)
+    log, has_commands = _read_log(
+        FilePath(file), joint_names, window, columns, topic, commanded=commanded
+    )
     log = arrange_joints(log, joint_names)
     if has_commands:
         return log
@@ -142,6 +152,7 @@ def _read_log(
     joint_names: Sequence[str],
     window: tuple[float, float],
     columns: str | None,
+    topic: str | None,
     *,
     commanded: bool,
 ) -> tuple[Log, bool]:
@@ -149,16 +160,21 @@ def _read_log(
 
     A file without commands is rejected if `commanded`.
     """
-    table = read_table(
-        read_csv_text(file, "log"),
-        file.name,
-        partial(read_joint_title, joint_names=joint_names),
-        example=EXAMPLE,
-        columns=columns,
-        option="--columns",
-        untitled=joint_state_titles,
-    )
-    table, naming = name_joints(table, joint_names)
+    if is_bag(file, topic):
+        table, naming = read_bag(
+            file, joint_names, topic=topic, columns=columns, commanded=commanded
+        )
+    else:
+        table = read_table(
+            read_csv_text(file, "log"),
+            file.name,
+            partial(read_joint_title, joint_names=joint_names),
+            example=EXAMPLE,
+            columns=columns,
+            option="--columns",
+            untitled=joint_state_titles,
+        )
+        table, naming = name_joints(table, joint_names)
     joints = {role: joints_of(table, "q", role) for role in ROLES}
     roles: tuple[str, ...] = ROLES
     if not commanded and joints["measured"] and not joints["command"]:

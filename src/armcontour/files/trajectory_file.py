@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
@@ -46,6 +46,7 @@ from armcontour.files.joint_table import (
     read_samples,
 )
 from armcontour.files.result_folder import SUMMARY, verify_file
+from armcontour.files.ros_bag import is_bag, read_bag
 from armcontour.files.ros_table import joint_state_titles, name_joints
 from armcontour.motion import Samples, TimedEvent, TimedWait
 from armcontour.motion.log import match_joints, raise_other_joints
@@ -212,8 +213,9 @@ def read_trajectory(
     joint_names: Sequence[str] = (),
     *,
     columns: str | None = None,
+    topic: str | None = None,
 ) -> TrajectoryFile:
-    """Read a trajectory from a CSV file, or a JointTrajectory in YAML.
+    """Read a trajectory from a CSV file, a bag of ROS 2, or a JointTrajectory in YAML.
 
     The first line of CSV names the columns: `t`, `q1` or `joint 1`, `dq1`, `ddq1`, ..., each with a
     unit in brackets (`t [ms]`, `joint 1 [deg]`) if the unit is not SI. The column names of logs are
@@ -221,20 +223,30 @@ def read_trajectory(
     measured positions, the measured positions are read. Other columns are ignored. Separators are
     commas, semicolons, tabs or blanks. Lines that start with # are comments.
 
+    A bag (.mcap, .db3, or its folder) needs the extra `ros`, and joint states or the state of a
+    joint trajectory controller. Times are the stamps of its messages, from the first one.
+
     >>> samples = ac.read_trajectory("motion.csv")
     >>> samples.q.shape == (len(samples.t), 2)
     True
 
     Args:
-        file: The file: `.yaml` for ROS; any other file is read as CSV.
+        file: The file: `.yaml` for ROS, a bag; any other file is read as CSV.
         joint_names: Names of joint 1, 2, ... in titles: only the name for positions, or the name
             after `q`, `dq`, `ddq`. Names with an additional prefix are also recognized.
         columns: As in `read_log`.
+        topic: As in `read_log`.
 
     Raises:
         InvalidInput: The file has another form; the message names file and line.
     """
     location = FilePath(file)
+    if is_bag(location, topic):
+        joint_names = checks.check_names("joint_names", joint_names)
+        table, notes = read_bag(location, joint_names, topic=topic, columns=columns)
+        motion = _read_motion(table, joint_names)
+        # The rows of a bag are not lines.
+        return replace(motion, notes=(*notes, *motion.notes), lines=None)
     if location.suffix.lower() in YAML:
         return read_ros_motion(location, joint_names, columns)
     text = read_csv_text(file, "trajectory file")
@@ -271,6 +283,12 @@ def parse_trajectory(
         untitled=joint_state_titles,
     )
     table, naming = name_joints(table, joint_names)
+    motion = _read_motion(table, joint_names)
+    return replace(motion, notes=(*naming, *motion.notes))
+
+
+def _read_motion(table: CsvTable[JointColumn], joint_names: Sequence[str]) -> TrajectoryFile:
+    """Read the motion in a table."""
     keys, notes = _select_columns(table, joint_names)
     samples = read_samples(table, keys)
     arrays: dict[str, Any] = {}
@@ -289,14 +307,14 @@ def parse_trajectory(
         x.title for key, x in table.columns.items() if key.kind in QUANTITIES and key not in keys
     ]
     return TrajectoryFile(
-        source=source,
+        source=table.source,
         t=samples.t,
         **arrays,
         resolution=resolution,
         joints=tuple(joints),
         prismatic=tuple(None if x.unit is None else x.linear for x in position_columns),
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *unused),
-        notes=(*naming, *notes, *samples.notes),
+        notes=(*notes, *samples.notes),
         lines=samples.lines,
     )
 

@@ -19,6 +19,7 @@ from armcontour.files.job_file import cell_names, cell_text, drawing_patch, draw
 from armcontour.files.job_patch import Patch, key_of, write_patch
 from armcontour.files.job_text_edits import Change
 from armcontour.files.mesh_file import MESHES
+from armcontour.files.ros_bag import BAG_ENDINGS
 from armcontour.studio.document import Document, decode
 from armcontour.studio.model_reader import is_model_file
 from armcontour.studio.recent import all_recent, make_private, state_folder
@@ -37,7 +38,7 @@ ROBOTS = (".urdf",)
 # Maximum length of a file name [characters].
 MAX_NAME = 100
 # Extensions of robot logs.
-LOGS = (".csv", ".txt", ".log")
+LOGS = (".csv", ".txt", ".log", *BAG_ENDINGS)
 # Maximum number of stored logs.
 MAX_LOGS = 8
 # Age above which folders of other sessions are deleted [s]. Servers of newer sessions may still

@@ -35,7 +35,7 @@ from armcontour.files.exports.template import (
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
-from armcontour.motion import SetPoints, Trajectory
+from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.robot import Arm
 
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
@@ -68,6 +68,8 @@ class ExportFormat(Checked):
     joints: ClassVar[int | None] = None
     # True if the points of a plan need the cycle of the run, whatever cycle is requested
     needs_cycle_of_run: ClassVar[bool] = False
+    # True if one file of a run contains set-points, plan and simulation
+    has_all_motions: ClassVar[bool] = False
     name: str | None = None
 
     @property
@@ -134,6 +136,18 @@ class ExportFormat(Checked):
             names = ", ".join(table.analog)
             sentences.append(f"the format does not support analog outputs ({names}).")
         return sentences
+
+    def with_motions(
+        self, plan: Trajectory, arm: Arm | None, execution: Execution | None = None
+    ) -> ExportFormat:
+        """Return the format with the motions of a run, if it writes them.
+
+        Args:
+            plan: The plan of the set-points.
+            arm: The arm; None if it is unknown.
+            execution: The simulated motion; None without one.
+        """
+        return self
 
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
@@ -294,9 +308,48 @@ class TemplateFormat(ExportFormat):
         write_template(table, file, self.template, outputs_of(self), inputs_of(self))
 
 
+@declared()
+class McapFormat(ExportFormat):
+    """A bag of ROS 2 (.mcap) with joint states, tool poses, paths and TF, for viewers and as a log.
+
+    Args:
+        derivatives: As in CsvFormat; only positions and velocities are written.
+        arm: The arm, for poses of the tool and for TF; by default that of `export` or of the plan.
+        plan: The planned motion; by default that of the exported set-points.
+        execution: The simulated motion; by default it is not written.
+    """
+
+    kind: ClassVar[str] = "mcap"
+    ending: ClassVar[str] = ".mcap"
+    has_all_motions: ClassVar[bool] = True
+    derivatives: Derivatives | None = None
+    arm: Arm | None = None
+    plan: Trajectory | None = None
+    execution: Execution | None = None
+
+    def with_motions(
+        self, plan: Trajectory, arm: Arm | None, execution: Execution | None = None
+    ) -> McapFormat:
+        """Return the format with the motions of a run; those that it has are kept."""
+        return replace(
+            self,
+            arm=self.arm or arm or plan.arm,
+            plan=self.plan or plan,
+            execution=self.execution or execution,
+        )
+
+    @checked
+    def write(self, table: SetPointTable, file: FilePath) -> None:
+        """Write a table to a file."""
+        # The kinematics of tool poses load slowly, and other formats do not need them.
+        from armcontour.files.exports.mcap import write_mcap
+
+        write_mcap(table, file, arm=self.arm, plan=self.plan, execution=self.execution)
+
+
 # Formats by name. Further formats are the templates of the package, `BUILT_IN`.
 FORMATS: dict[str, type[ExportFormat]] = {
-    x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat)
+    x.kind: x for x in (CsvFormat, RosYamlFormat, URScriptFormat, McapFormat)
 }
 # Extensions of files by the name of the format.
 ENDINGS: dict[str, str] = {name: x.ending for name, x in FORMATS.items()}
@@ -452,6 +505,7 @@ def export(
     destination = FilePath(file)
     named = format_of(destination) if format is None else format
     chosen = format_named(named) if isinstance(named, str) else named
+    chosen = chosen.with_motions(data.trajectory if isinstance(data, SetPoints) else data, arm)
     table = make_table(
         data,
         name=destination.stem if chosen.name is None else chosen.name,

@@ -1,7 +1,7 @@
 """Tasks that create a file, and tasks that read logs of the robot.
 
-Options of tasks with logs: `logs`, names of the logs in the order of the runs, and `columns` as in
-`read_log`.
+Options of tasks with logs: `logs`, names of the logs in the order of the runs, and `columns` and
+`topic` as in `read_log`.
 """
 
 from __future__ import annotations
@@ -125,10 +125,11 @@ def export(request: Request) -> MessageFrame:
     check_export(job, kind, stem=stem, cycle=cycle)
     if source == "learned":
         learned_run = learn_from_logs(request)
-        plan = replace(learned_run.plan, set_points=learned_run.lesson)
+        # The simulation is of other set-points.
+        plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
         plan = request.set_points
-    format = format_named(kind, job.export)
+    format = format_named(kind, job.export).with_motions(plan.trajectory, job.arm, plan.execution)
     request.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         file = FilePath(folder) / f"{stem}{ENDINGS[kind]}"
@@ -270,9 +271,13 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
         )
     request.progress(Step(("reading the log",)))
     columns = str(request.option("columns", "")) or None
+    topic = str(request.option("topic", "")) or None
     names = request.job.arm.joint_names
     try:
-        return [read_run_log(y, names, columns=columns, commanded=commanded) for y in request.logs]
+        return [
+            read_run_log(y, names, columns=columns, topic=topic, commanded=commanded)
+            for y in request.logs
+        ]
     except InvalidInput as error:
         # The message names the log without the folder of uploads.
         raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
