@@ -165,6 +165,10 @@ FORMS: dict[str, dict[str, str]] = {
             "save write write_csv to_csv save_csv export_csv to_urscript".split(), _EXPORT
         ),
         **dict.fromkeys("plot show draw visualize animate".split(), "planned.plot()"),
+        **dict.fromkeys(
+            "Constant ConstantSpeed ConstantVelocity Uniform UniformSpeed".split(),
+            "ac.plan(path, arm, ac.Limits(speed=speed), ac.Conventional())",
+        ),
         **dict.fromkeys("report html_report make_report".split(), "ac.write_report(planned, file)"),
         **dict.fromkeys("contour_error compute_error error errors".split(), _ERROR),
         **dict.fromkeys("load open read".split(), "ac.load_arm(name), ac.read_path(file)"),
@@ -251,6 +255,10 @@ FORMS: dict[str, dict[str, str]] = {
             "tool_path tcp tool tool_positions cartesian".split(), "arm.tool_position(planned.q)"
         ),
         **dict.fromkeys("slow_down scale scaled stretch".split(), "planned.stretched(factor)"),
+        **dict.fromkeys(
+            "active_limits active_limit limiting bottleneck bottlenecks".split(),
+            "planned.explain()",
+        ),
         "jerk": "planned(t, 3)",
     },
     "SetPoints": {

@@ -16,6 +16,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared, parts_of
+from armcontour.core.guesses import suggest
 from armcontour.core.quantities import (
     AccelerationLimit,
     AngularAccelerationLimit,
@@ -213,7 +214,11 @@ class Limits(Checked):
         """
         for name in changes:
             if name not in UNITS:
-                raise InvalidInput(f"Unknown limit {name!r}. The limits are {', '.join(UNITS)}.")
+                hint = suggest(name, UNITS, "")
+                meant = f" ({hint})" if hint else ""
+                raise InvalidInput(
+                    f"Unknown limit {name!r}{meant}. The limits are {', '.join(UNITS)}."
+                )
         new = dataclasses.replace(self, **(dict.fromkeys(self.removed, math.inf) | changes))
         return new.of_chain(self.prismatic)
 
