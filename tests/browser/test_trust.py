@@ -136,6 +136,43 @@ def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
     studio.tab("charts")
 
 
+def test_figures_of_a_run_stay_until_an_edit_touches_it(page, folder):
+    runs = "runs: {first: {}, second: {limits: {speed: 45 mm/s}}}"
+    text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
+    studio = shown(page, folder, text, "compared.yaml")
+    studio.rest()
+    studio.choose_run("first")
+    studio.wait("#view2d", run="first")
+    studio.rest()
+    duration = float(studio.find("[data-figure=duration] .value").inner_text())
+    studio.choose_run("second")
+    studio.wait("#view2d", run="second")
+    studio.rest()
+    studio.tab("runs")
+    rows = studio.find("#tab-runs tbody tr")
+    other = rows.filter(has=studio.page.locator("th", has_text=re.compile("^first$")))
+    expect(other).to_contain_text("✓ kept")
+    studio.tab("text")
+
+    def write(changed):
+        with studio.changing():
+            field = studio.find("#tab-text textarea")
+            field.fill(changed)
+            field.press("Control+Enter")
+
+    # A change of the shown run only.
+    write(studio.text.replace("45 mm/s", "30 mm/s"))
+    studio.tab("runs")
+    expect(other).to_contain_text("✓ kept")
+    expect(other).to_contain_text(f"{duration:g} s")
+    # A change of all runs.
+    studio.tab("text")
+    write(studio.text.replace("accuracy: 2 mm", "accuracy: 3 mm"))
+    studio.tab("runs")
+    expect(other).not_to_contain_text("kept")
+    studio.tab("charts")
+
+
 def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
     studio = shown(page, folder, JOB, "certified.yaml")
     studio.rest()

@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import read_plain, unit_of, write_like
+from armcontour.core.source_file import fingerprint
 from armcontour.core.text import Keys
 from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_file import GEOMETRY_KEYS
@@ -206,6 +207,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "redo_label": document.redo_label,
         "steps": _steps(document),
         "runs": runs_of(data),
+        "run_states": run_states(data),
         "run": run,
         "path": _path(data, handles, state, run),
         "waypoints": [] if handles is None else _waypoints(handles),
@@ -276,6 +278,17 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def run_states(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return the fingerprint of all keys that apply to each run, by name.
+
+    With it, the page keeps the figures of runs that an edit does not touch.
+    """
+    runs = data.get("runs")
+    shared = repr({key: x for key, x in data.items() if key != "runs"})
+    states = runs.items() if isinstance(runs, Mapping) else ()
+    return {str(name): fingerprint(f"{shared} {run!r}".encode()) for name, run in states}
 
 
 def _method(options: Any, default: str) -> str:

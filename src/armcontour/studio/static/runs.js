@@ -18,22 +18,25 @@ const COLUMNS = ["(name)", "timing", "compensation", "corners", "verdict", "cycl
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   const region = find("#tab-runs");
-  /** Figures of runs that were shown with this text of the job, by name. @type {Map<string, Known>} */
+  /** Figures of runs that were shown in their present state, by name. @type {Map<string, Known>} */
   const known = new Map();
-  let text = "";
+  /** State of each run's keys, by name. @type {Record<string, string>} */
+  let states = {};
+  let shownId = "";
   /** When the newest figure came. */
   let when = "";
-  /** Keep the figures of the shown run until the text changes. */
+  /** Keep the figures of the shown run until its keys change. */
   const learn = () => {
     const { document, refusal } = store;
     if (!document) return;
-    if (document.text !== text) known.clear();
-    text = document.text;
+    const { id, run_states: now, run } = document;
+    for (const name of known.keys()) if (id !== shownId || states[name] !== now[name]) known.delete(name);
+    [shownId, states] = [id, now];
     when = timeText(new Date());
-    const run = store.latest("picture")?.head.run;
-    if (run === undefined || refusal) return;
-    const { exact, executed, rows } = knownOf(store);
-    const isWhole = exact || executed?.run === run;
+    // Frames of the state or the run before say nothing about this one.
+    if (!store.isCurrent(store.latest("picture")) || refusal) return;
+    const { exact, rows } = knownOf(store);
+    const isWhole = exact || store.isCurrent(store.latest("executed"));
     known.set(run, isWhole ? rows : new Map([...rows].filter(([name]) => name === "duration")));
   };
   const add = async () => {
