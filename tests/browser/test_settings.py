@@ -275,3 +275,27 @@ def test_narrow_pages_have_a_menu_and_large_targets(pages):
     studio.find("#menu").get_by_role("button", name="Compare").click()
     expect(studio.find("#menu")).to_be_hidden()
     expect(studio.find("#tab-runs")).to_be_visible()
+
+
+def test_an_added_part_of_the_process_opens_and_offers_the_repair_of_its_refusal(studio):
+    open_group(studio, "Process")
+    change(studio, process__kerf="2")
+    lead_in, pierce = (
+        studio.find(f"#panel .with-usual:has(details[data-key='process.{x}'])")
+        for x in ("lead_in", "pierce")
+    )
+    with studio.renewing():
+        lead_in.locator("button.usual-values").click()
+    expect(studio.find("#panel details[data-key='process.lead_in']")).to_have_attribute("open", "")
+    # A pierce needs a lead-in along which the process is on.
+    pierce.locator("button.usual-values").click()
+    part = studio.find("#panel details[data-key='process.pierce']")
+    expect(part).to_have_attribute("open", "")
+    expect(part.locator(".refused")).to_be_visible()
+    with studio.renewing():
+        part.locator(".refused button").first.click()
+    process = load(studio.text, "")["process"]
+    assert process["lead_in"]["active"] is True and "time" in process["pierce"]
+    expect(part).to_have_attribute("open", "")
+    expect(part.locator(".refused")).to_have_count(0)
+    planned(studio)

@@ -79,6 +79,63 @@ def test_a_collision_is_the_verdict_and_its_bodies_are_red(page, folder):
     studio.wait("#view3d", alarmed="")
 
 
+# Records the verdict and its colour whenever the figures change.
+RECORD = """figures => {
+    const record = () => {
+        const verdict = figures.querySelector("[data-figure=kept]");
+        const { exact } = figures.dataset;
+        const colour = getComputedStyle(verdict.querySelector(".value")).color;
+        window.verdicts.push([exact, verdict.innerText, colour]);
+    };
+    window.verdicts = [];
+    new MutationObserver(record).observe(figures, {
+        attributes: true, characterData: true, childList: true, subtree: true,
+    });
+}"""
+
+
+def test_no_verdict_stands_until_the_exact_result_has_come(page, folder):
+    studio = shown(page, folder, JOB, "checking.yaml")
+    studio.rest()
+    verdict = studio.find("[data-figure=kept] .value")
+    kept = verdict.evaluate("e => getComputedStyle(e).color")
+    studio.find("#figures").evaluate(RECORD)
+    studio.tab("process")
+    with studio.changing():
+        studio.type("limits.speed", "35 mm/s")
+    expect(verdict).to_have_text("✓ kept")
+    recorded = studio.page.evaluate("window.verdicts")
+    before = [(text, colour) for exact, text, colour in recorded if exact == "false"]
+    assert any("checking" in text for text, _ in before)
+    assert not [x for x in before if "kept" in x[0] or x[1] == kept]
+
+
+def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
+    runs = "runs: {first: {}, second: {limits: {speed: 20 mm/s}}}"
+    text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
+    studio = shown(page, folder, text, "two_runs.yaml")
+    studio.rest()
+    studio.choose_run("first")
+    studio.wait("#view2d", run="first")
+    studio.rest()
+    studio.choose_run("second")
+    studio.wait("#view2d", run="second")
+    studio.rest()
+    duration = studio.find("[data-figure=duration]")
+    before = duration.locator(".value").inner_text()
+    # Nothing has changed in this run.
+    expect(duration.locator(".note")).not_to_contain_text("was")
+    studio.tab("process")
+    with studio.changing():
+        studio.type("corners.tolerance", "0.2 mm")
+    expect(duration.locator(".note")).to_contain_text(f"was {before} s")
+    studio.tab("runs")
+    row = studio.find("#tab-runs tr").filter(has_text="before the last change")
+    expect(row).to_contain_text(f"{float(before):g} s")
+    assert row.locator("th").inner_text().startswith("second")
+    studio.tab("charts")
+
+
 def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
     studio = shown(page, folder, JOB, "certified.yaml")
     studio.rest()

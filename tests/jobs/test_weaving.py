@@ -35,6 +35,21 @@ def test_a_run_reports_the_planned_weave():
     assert plain(plan.to_data())["weaves"][0]["left_out"] == 0.0
 
 
+def test_a_resumed_weave_is_measured_on_the_rest_of_the_seam():
+    text = JOB.replace("process: {", "process: {resume_at: 20 mm, ")
+    plan = run(parse_job(text), simulate=False).runs["only"]
+    assert (
+        plan.trajectory.duration
+        < run(parse_job(JOB), simulate=False).runs["only"].trajectory.duration
+    )
+    (weave,) = plan.weaves
+    assert weave.width == pytest.approx((3e-3, 3e-3), rel=0.02)
+    assert weave.frequency == pytest.approx((2.0, 2.0), rel=0.02)
+    # Less than a wave remains, so there is nothing to measure.
+    late = run(parse_job(JOB.replace("process: {", "process: {resume_at: 90 mm, ")), simulate=False)
+    assert late.runs["only"].weaves == ()
+
+
 ODD = (
     ("joint_acceleration: 20", "joint_acceleration: 0.5", "instead of 3 mm at 2 Hz"),
     ("[0.34, 0.206]", "[0.3301, 0.2033], [0.34, 0.2033]", "and omits"),

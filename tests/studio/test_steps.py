@@ -2,8 +2,15 @@
 
 import hashlib
 
+import ezdxf
 import pytest
-from tests.studio.session_pages import MOVE, RecordingTaskWorker
+from tests.studio.session_pages import (
+    JOB,
+    MOVE,
+    RecordingTaskWorker,
+    SessionPage,
+    session_of,
+)
 
 from armcontour.core.yaml_loader import load
 from armcontour.report.message_frame import MessageFrame
@@ -106,6 +113,14 @@ def test_results_say_when_they_were_made_and_what_has_changed(session, tab):
         ("{}", "path: {contours: {CUT-1: {speed: 3 mm/s}}}", 1, ("CUT-1", "speed", "3 mm/s")),
         ("runs: {a: {}}", "runs: {a: {}, b: {}}", 1, ("b", "added")),
         ("process: {tabs: {width: 1 mm}}", "process: {}", 1, ("Tabs", "removed")),
+        ("process: {}", "process: {tabs: {width: 2 mm, spacing: 50 mm}}", 1, ("2 mm", "50 mm")),
+        ("process: {}", "process: {switch: {name: torch}}", 1, ("Switch torch",)),
+        ("runs: {a: {}}", "runs: {a: {limits: {speed: 60 mm/s}}}", 1, ("Run a", "60 mm/s")),
+        ("arm: {name: ur5e}", "arm: {name: ur10e}", 1, ("Arm ur5e → ur10e",)),
+        ("path: {layers: {CUT: {}, MARK: {}}}", "path: {layers: {CUT: {}}}", 1, ("Layer MARK",)),
+        ("path: {layers: [CUT, MARK]}", "path: {layers: {CUT: {}, MARK: {speed: 9 mm/s}}}", 1,
+         ("Layer MARK", "speed 9 mm/s")),
+        ("path: {file: a.dxf}", "path: {file: a.dxf, layers: [CUT]}", 1, ("Layers CUT",)),
         ("limits: {speed: 1}", "limits: {speed: 1}", 0, ()),
     ],
 )  # fmt: skip
@@ -115,3 +130,26 @@ def test_differences_name_what_has_changed(before, after, count, words):
     assert all(x in found[0] for x in words)
     # In the other direction there are as many.
     assert len(differences(load(after, ""), load(before, ""))) == count
+
+
+def test_a_layer_that_no_longer_runs_is_named_in_the_undo_list(tmp_path):
+    drawing = ezdxf.new()
+    for k, layer in enumerate(("CUT", "MARK")):
+        line = [(300 + 30 * k, 200), (320 + 30 * k, 230)]
+        drawing.modelspace().add_lwpolyline(line, dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "two.dxf")
+    head, _, rest = JOB.partition("path:\n")
+    _, _, rest = rest.partition("\n")
+    (tmp_path / "job.yaml").write_text(f"{head}path: {{file: two.dxf, units: mm}}\n{rest}")
+    session = session_of(tmp_path / "job.yaml")
+    session.begin()
+    page = SessionPage(session)
+    # As the page does when the layer is unticked.
+    page.edit(
+        {"do": "set", "key": "path.layers", "value": {"CUT": {}, "MARK": {}}},
+        {"do": "unset", "key": "path.layers.MARK"},
+    )
+    assert page.last("document")["undo_label"] == "Layer MARK off"
+    page.edit({"do": "set", "key": "path.layers.MARK", "value": {}})
+    assert page.last("document")["undo_label"] == "Layer MARK on"
+    session.close()

@@ -149,7 +149,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
     ):
         woven = contour.woven
         plan = span.trajectory
-        if woven is None or plan is None or len(woven.crests) < 3:
+        if woven is None or plan is None:
             continue
         begin, end = (0.0, plan.duration) if span.work is None else span.work
         offset = 0.0 if span.work is None else span.t[0]
@@ -158,16 +158,22 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         on_seam = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
         # The projection is made monotonic, because the tool only moves forward along the seam.
         s = np.maximum.accumulate(on_seam.s)
-        first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
+        # A resumed contour begins after some of the crests.
+        quarter = woven.pitch / 4
+        is_passed = (woven.crests >= s[0] + quarter) & (woven.crests <= s[-1] - quarter)
+        crests = woven.crests[is_passed]
+        if len(crests) < 3:
+            continue
+        first, last = (np.searchsorted(s, crests + y * quarter) for y in (-1, 1))
         heights = np.array(
             [on_seam.distance[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)]
         )
         # Times at which the tool passes the crests [s].
-        crest_times = np.interp(woven.crests, s, t)
+        crest_times = np.interp(crests, s, t)
         widths = heights[:-1] + heights[1:]
         times = crest_times[2:] - crest_times[:-2]
         # Pairs of crests that belong to different parts of the seam are ignored.
-        is_adjacent = np.diff(woven.crests) < MAX_CREST_DISTANCE * woven.pitch
+        is_adjacent = np.diff(crests) < MAX_CREST_DISTANCE * woven.pitch
         widths = widths[is_adjacent]
         times = times[is_adjacent[:-1] & is_adjacent[1:]]
         if len(times):

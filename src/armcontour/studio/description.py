@@ -180,7 +180,10 @@ class JobState:
 
 
 def label_of(
-    edits: Sequence[Mapping[str, Any]], before: Mapping[str, Any], after: Mapping[str, Any]
+    edits: Sequence[Mapping[str, Any]],
+    before: Mapping[str, Any],
+    after: Mapping[str, Any],
+    job: Job | None = None,
 ) -> str:
     """Return the label that edits have in the undo list.
 
@@ -190,9 +193,10 @@ def label_of(
         edits: Edits of a page.
         before: Data of the document before the edits.
         after: Data of the document after the edits.
+        job: The job before the edits, whose drawing has the layers; None if it is not valid.
     """
     if all(x.get("do") in NAMED_BY_VALUES for x in edits):
-        changed = differences(before, after)
+        changed = differences(before, after, [] if job is None else _layers(job))
         if 0 < len(changed) <= MAX_NAMED_VALUES:
             return ", ".join(changed)
     first = edits[0]

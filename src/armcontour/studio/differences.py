@@ -20,6 +20,7 @@ from armcontour.files.scene_file import rotation_of
 MISSING = object()
 FRAME: Keys = ("path", "frame")
 OBSTACLES: Keys = ("scene", "obstacles")
+LAYERS: Keys = ("path", "layers")
 # Lists of the path's points, with their word for one entry.
 POINT_LISTS: dict[Keys, str] = {
     ("path", "points"): "waypoint",
@@ -28,7 +29,7 @@ POINT_LISTS: dict[Keys, str] = {
 # Mappings whose entries have a name that users know, with the word for one entry.
 NAMED: dict[Keys, str] = {
     ("path", "contours"): "Contour",
-    ("path", "layers"): "Layer",
+    LAYERS: "Layer",
     ("process", "by_layer"): "Layer",
     ("runs",): "Run",
 }
@@ -41,7 +42,9 @@ ZERO = (0.0, 0.0, 0.0)
 IDENTITY = np.eye(3)
 
 
-def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+def differences(
+    before: Mapping[str, Any], after: Mapping[str, Any], layers: Sequence[str] = ()
+) -> list[str]:
     """Describe each difference between the data of two states of a job.
 
     >>> differences({"limits": {"speed": "50 mm/s"}}, {"limits": {"speed": "40 mm/s"}})
@@ -50,9 +53,45 @@ def differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str
     Args:
         before: Keys and values of the earlier state, as written.
         after: Keys and values of the later state, as written.
+        layers: Layers of the drawing. A job that lists no layers runs all of them.
     """
+    sentences = [*_layer_switches(before, after, layers), *_differences((), before, after)]
     # A change of several contours' order is one change for users.
-    return list(dict.fromkeys(_differences((), before, after)))
+    return list(dict.fromkeys(sentences))
+
+
+def _layer_switches(
+    before: Mapping[str, Any], after: Mapping[str, Any], layers: Sequence[str]
+) -> Iterator[str]:
+    """Yield the layers that are run in one state only."""
+    old = _run_layers(before, layers)
+    new = _run_layers(after, layers)
+    if not old or not new:
+        # Without the drawing, the layers of a job that lists none are unknown.
+        if old != new:
+            yield f"Layers {', '.join(new)}" if new else "All layers on"
+        return
+    for name in dict.fromkeys([*old, *new]):
+        if name not in new:
+            yield f"Layer {name} off"
+        elif name not in old:
+            yield f"Layer {name} on"
+
+
+def _run_layers(data: Mapping[str, Any], layers: Sequence[str]) -> list[str]:
+    """Return the layers that a state runs, out of all layers of the drawing."""
+    path = data.get("path")
+    listed = path.get("layers") if isinstance(path, Mapping) else None
+    if isinstance(listed, Mapping | list):
+        return [str(x) for x in listed]
+    return [*layers]
+
+
+def _layer_values(listed: Any) -> dict[str, Any]:
+    """Return the own values of each listed layer."""
+    if isinstance(listed, list):
+        return {str(name): {} for name in listed}
+    return {str(k): x or {} for k, x in listed.items()} if isinstance(listed, Mapping) else {}
 
 
 def _differences(keys: Keys, before: Any, after: Any) -> Iterator[str]:
@@ -61,6 +100,12 @@ def _differences(keys: Keys, before: Any, after: Any) -> Iterator[str]:
         return
     if keys == FRAME:
         yield from _moves(before, after)
+    elif keys == LAYERS:
+        old_values = _layer_values(before)
+        new_values = _layer_values(after)
+        # Layers that are not run any more are named by `_layer_switches`.
+        for name, values in new_values.items():
+            yield from _differences((*keys, name), old_values.get(name, {}), values)
     elif keys == OBSTACLES:
         yield from _obstacles(before, after)
     elif keys in POINT_LISTS and isinstance(before, Sequence) and isinstance(after, Sequence):
@@ -92,7 +137,8 @@ def _sentence(keys: Keys, before: Any, after: Any) -> str:
     """Describe the change of one value."""
     name = _called(keys)
     if before is MISSING:
-        value = _text(after)
+        # An added run is a copy, so its values are not what has changed.
+        value = "" if keys[:-1] == ("runs",) else _text(after)
         return f"{name} {value}" if value else f"{name} added"
     if after is MISSING:
         return f"{name} removed"
@@ -108,6 +154,9 @@ def _called(keys: Keys) -> str:
         if word is not None:
             inner = " ".join(_words(x) for x in keys[count + 1 :])
             return f"{word} {keys[count]}{f', {inner}' if inner else ''}"
+    if len(keys) > 1 and keys[-1] == "name":
+        # The name stands for the thing that has it, such as the arm.
+        keys = keys[:-1]
     names = [_words(x) for x in keys[-2:] if not isinstance(x, int)]
     # The outer name is needed only where the last one says little, as in "tabs width".
     is_inner = len(keys) > 2
@@ -121,9 +170,9 @@ def _words(key: Any) -> str:
 
 
 def _text(value: Any) -> str:
-    """Write a value as it is in the file; empty for a mapping and for a long list."""
+    """Write a value as it is in the file; empty for a nested or long one."""
     if isinstance(value, Mapping):
-        return ""
+        return _mapping_text(value)
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -133,6 +182,18 @@ def _text(value: Any) -> str:
         is_flat = not any(isinstance(x, list | Mapping) for x in value)
         text = ", ".join(map(str, value)) if is_flat else ""
     return text if len(text) <= MAX_VALUE else ""
+
+
+def _mapping_text(mapping: Mapping[str, Any]) -> str:
+    """Write the keys and values of a mapping, such as "width 2 mm"; empty if they are long."""
+    parts = []
+    for key, value in mapping.items():
+        text = "" if isinstance(value, Mapping) else _text(value)
+        if not text:
+            return ""
+        parts.append(text if key == "name" else f"{_words(key)} {text}")
+    line = ", ".join(parts)
+    return line if len(line) <= MAX_VALUE else ""
 
 
 def _moves(before: Any, after: Any) -> Iterator[str]:

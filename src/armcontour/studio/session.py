@@ -212,7 +212,8 @@ class Session:
         if not final:
             self._show(revision)
             return
-        label = label_of(edits, self.editor.state.data, revision.data)
+        state = self.editor.state
+        label = label_of(edits, state.data, revision.data, state.job)
         # The edits that follow are for the new run, so it is shown.
         added = [str(x["name"]) for x in edits if x.get("do") == "add_run"]
         self.editor.commit(revision, label, run=added[-1] if added else "")

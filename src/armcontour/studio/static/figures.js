@@ -30,16 +30,19 @@ const PLACES = {
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
 };
-/** Exact figures of the shown run, and those before the last change of the job. @type {{run: string, rev: number, rows: Rows, before: Rows | null}} */
-export const past = { run: "", rev: -1, rows: new Map(), before: null };
+/** Last exact figures of a run, and those before the change of the job that led to them. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
+/** Past figures by the name of the run. @type {Map<string, Past>} */
+const past = new Map();
+
+/** Return the past figures of the chosen run. @param {Store} store @returns {Past | undefined} */
+export const pastOf = (store) => past.get(store.document?.run);
 
 /** @param {Store} store */
 function remember(store) {
-  const { run } = store.document ?? {};
   const figures = store.latest("figures");
-  if (run !== past.run) Object.assign(past, { run, rev: -1, rows: new Map(), before: null });
-  if (!figures || !store.isCurrent(figures) || figures.rev === past.rev) return;
-  Object.assign(past, { rev: figures.rev, rows: knownOf(store).rows, before: past.rows.size ? past.rows : null });
+  const last = pastOf(store);
+  if (!figures || !store.isCurrent(figures) || figures.rev === last?.rev) return;
+  past.set(figures.head.run, { rev: figures.rev, rows: knownOf(store).rows, before: last?.rows ?? null });
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -47,13 +50,15 @@ function Figure({ name, row, seen, store, exact }) {
   const place = name === "kept" && PLACES.kept?.(store) === undefined ? undefined : PLACES[name];
   const isRefused = name === "kept" && store.refusal !== null;
   const refused = store.refusal?.head.error === "Collision" ? "✗ COLLISION" : "✗ refused";
-  const looks = name === "kept" && row ? verdictOf(row.value, store.theme) : { colour: "", mark: "" };
+  let looks = { colour: "", mark: "" };
+  if (name === "kept") looks = row && exact ? verdictOf(row.value, store.theme) : { colour: "var(--quiet)", mark: "" };
+  const isChecking = !store.isOffline && (hasMotion(store) || store.latest("executed") !== null);
   const { accuracy } = store.document?.data ?? {};
-  const old = name === "duration" ? (exact ? past.before : past.rows)?.get(name) : undefined;
+  const old = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && hasMotion(store) ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
@@ -89,7 +94,8 @@ function Advice({ store, link, changes }) {
 }
 
 /**
- * Return the figures of the shown motion: the exact ones if they belong to the picture, otherwise the preview's.
+ * Return the figures of the shown motion: the exact ones if they belong to the picture, otherwise the preview's, which has
+ * no verdict.
  * @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}}
  */
 export function knownOf(store) {
@@ -97,7 +103,10 @@ export function knownOf(store) {
   const exact = store.isCurrent(figures);
   const executed = store.refusal ? null : store.latest("executed")?.head;
   const known = exact ? [figures?.head] : [store.latest("picture")?.head, executed];
-  return { exact, executed, rows: new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, shownRow(row)])) };
+  const rows = new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, shownRow(row)]));
+  // A preview checks no collisions, and its grid is coarse.
+  if (!exact) rows.delete("kept");
+  return { exact, executed, rows };
 }
 
 /** Return the time per limit: the exact one if it belongs to the picture. @param {Store} store @returns {any} */
@@ -133,7 +142,7 @@ export function init(store, link) {
     for (const [name, row] of rows) seen.set(name, row);
     // Without obstacles, the distance to them is not defined.
     if (exact && !rows.has("obstacle")) seen.delete("obstacle");
-    region.classList.toggle("stale", store.refusal?.head.tier === 1);
+    region.classList.toggle("stale", !exact);
     region.dataset.exact = String(exact);
     const figure = (/** @type {string} */ name) => html`<${Figure} key=${name} name=${name} row=${rows.get(name)} seen=${seen.get(name)} store=${store} exact=${exact} />`;
     render(html`<div class="row">${FIRST.map(figure)}<${Shares} store=${store} />${LAST.map(figure)}<${Advice} store=${store} link=${link} changes=${changes} /></div>`, region);
@@ -149,14 +158,14 @@ export function init(store, link) {
     rev = frame.rev;
   });
   store.on("reset", () => {
-    past.run = "";
+    past.clear();
     seen.clear();
   });
   for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, soon);
   for (const event of ["picture", "executed"]) store.on(event, nowAndThen(READING, update));
   // Figures of the other unit are not comparable.
   inches.subscribe(() => {
-    Object.assign(past, { rev: -1, rows: new Map(), before: null });
+    past.clear();
     soon();
   });
   /** Tell screen readers the verdict when it no longer changes, at most once a second. */

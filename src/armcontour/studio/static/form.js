@@ -373,11 +373,17 @@ function Range({ slider, at, written, place }) {
 }
 
 /**
- * A group that the user opens, or that opens because a key in it is written or found. Its content is created when it is open.
+ * A group that the user opens, or that opens because a key in it is written, refused or found. Its content is created when
+ * it is open.
  * @param {{at: Key, title: string, text?: string, count: number, told?: string, aside?: any, content: () => any}} props
  */
 function Fold({ at, title, text, count, told = " set", aside, content }) {
   const open = useSignal(count > 0);
+  const isRefused = Boolean(refusals.value[at.join(".")]);
+  const isWritten = count > 0;
+  useLayoutEffect(() => {
+    if (isWritten || isRefused) open.value = true;
+  }, [isWritten, isRefused]);
   const isOpen = open.value || Boolean(wanted.value);
   const fold = html`<details class="part" data-key=${at.join(".")} open=${isOpen} onToggle=${(/** @type {any} */ e) => (open.value = e.target.open)}>
     <summary title=${text}>${words(title)}${count > 0 && html` <small>${count}${told}</small>`}</summary>

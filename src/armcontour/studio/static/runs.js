@@ -3,7 +3,7 @@
 import { ask } from "./dialog.js";
 import { verdictOf } from "./colours.js";
 import { find, whileSeen } from "./dom.js";
-import { knownOf, past } from "./figures.js";
+import { knownOf, pastOf } from "./figures.js";
 import { difference, NONE, textOf, timeText } from "./format.js";
 import { Heads } from "./components.js";
 import { html, render } from "./vendor/preact.js";
@@ -43,6 +43,7 @@ export function init(store, link) {
   };
   const row = (/** @type {any} */ { name, timing, compensation, corners }, /** @type {Known | undefined} */ figures = known.get(name)) => {
     const { run, runs } = store.document;
+    const isPast = figures !== undefined && figures === pastOf(store)?.before;
     const isShown = name === run;
     const [kept, duration, off, rms, largest] = ["kept", "duration", "off_drawing", "contour_error.rms", "contour_error.max"].map((x) => figures?.get(x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, known.get(run)?.get(x?.name)));
@@ -51,15 +52,16 @@ export function init(store, link) {
       <th scope="row">${name}</th>${[timing, compensation, corners].map((x) => html`<td class="words">${x}</td>`)}
       <td style=${kept && `color: ${verdictOf(kept.value, store.theme).colour}`}>${kept ? `${verdictOf(kept.value, store.theme).mark} ${kept.text}` : NONE}</td>
       ${[textOf(duration), delta(duration), textOf(off), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
-      <td class="acts">${!isShown && figures !== past.before && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && figures !== past.before && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
+      <td class="acts">${!isShown && !isPast && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && !isPast && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>
     </tr>`;
   };
   for (const event of EVENTS) store.on(event, learn);
   whileSeen(store, region, EVENTS, () => {
     if (!store.document) return;
-    const { name: job, hash } = store.document;
+    const { name: job, hash, run } = store.document;
+    const before = pastOf(store)?.before;
     render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button>
         <span class="quiet made">${when}, job ${job}, SHA-256 ${hash}. Figures of an earlier state of the job are left out.</span></p>
-        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${past.before && row({ name: `${past.run}, before the last change` }, past.before)}</tbody></table>`, region);
+        <table><caption class="unseen">Runs</caption><${Heads} names=${COLUMNS} words=${4} /><tbody>${store.document.runs.map((/** @type {any} */ run) => row(run))}${before && row({ name: `${run}, before the last change` }, before)}</tbody></table>`, region);
   });
 }

@@ -187,14 +187,18 @@ export class Store {
   }
 
   /**
-   * Return whether a frame answers the same edit as the shown path (a refused edit has no path).
+   * Return whether a frame answers the same edit as the shown path (a refused edit has no path), and both are of the
+   * chosen run.
    * @param {Frame | null} frame @returns {boolean}
    */
   isCurrent(frame) {
     const picture = this.latest("picture");
     if (!frame || !picture || this.refusal?.head.tier === 1) return false;
     const now = this.latest("document")?.rev ?? picture.rev;
-    return picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
+    const run = this.document?.run ?? picture.head.run;
+    // After another run is chosen, the frames of the one before stay until its own come.
+    const isOfRun = picture.head.run === run && frame.head.run === run;
+    return isOfRun && picture.rev === now && frame.rev === now && (frame.seq ?? -1) >= (picture.seq ?? -1);
   }
 
   /** Show a time. @param {number} time [s] */
