@@ -100,3 +100,10 @@ def test_keys_of_external_axes_have_the_units_of_the_page(pages, file):
     rail = load(studio.text, "")["arm"]["rail"]
     assert (rail["upper"], rail["lower"]) == (2.6, "-600 mm")
     expect(studio.slider("arm.rail.upper").locator("input")).to_have_value("2600 mm")
+    velocity = studio.slider("limits.joint_velocity.1")
+    expect(velocity.locator("label")).to_have_text("Joint velocity, rail")
+    expect(velocity.locator("input[type=text]")).to_have_value("1000 mm/s")
+    with studio.renewing():
+        studio.type("limits.joint_velocity.1", "900")
+    assert load(studio.text, "")["limits"]["joint_velocity"][1] == 0.9
+    expect(velocity.locator("input[type=text]")).to_have_value("900 mm/s")

@@ -160,6 +160,25 @@ def test_narrow_pages_show_the_stage_and_targets_for_fingers(size, pages):
     expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
 
 
+def test_outdated_results_and_notes_do_not_wrap_a_bar(pages):
+    studio = begin(pages, (1400, 900))
+    height = studio.find("#bar").bounding_box()["height"]
+    for task in ("report", "export"):
+        studio.do(task)
+        studio.wait(f".task-result[data-task={task}]", state="done", outdated="false")
+    studio.tab("process")
+    with studio.renewing():
+        studio.type("limits.speed", "100 mm/s")
+    for task in ("report", "export"):
+        studio.wait(f".task-result[data-task={task}]", outdated="true")
+        expect(studio.find(f"#bar [data-opens={task}] .chip")).to_be_visible()
+    assert studio.find("#bar").bounding_box()["height"] == height
+    for size in ((1400, 900), (1920, 1080)):
+        studio.page.set_viewport_size({"width": size[0], "height": size[1]})
+        studio.find("#tab-button-notes").evaluate("e => (e.textContent = 'Notes (12)')")
+        assert studio.find("#sides").evaluate("e => e.scrollWidth <= e.clientWidth")
+
+
 def test_messages_lie_beside_the_stage(pages):
     for size in SIZES:
         studio = begin(pages, size)

@@ -342,6 +342,7 @@ def test_two_clicks_measure_a_distance_an_angle_and_a_radius(drawing):
     mouse.click(*on_screen(drawing, [30, 30]))
     drawing.wait(".measure-box", kinds="point point")
     assert measured(drawing, "distance") == pytest.approx(0.02 * math.sqrt(2), abs=1e-9)
+    expect(box).to_contain_text("28.28 mm")
     # Escape leaves the points first, then the tool.
     drawing.page.keyboard.press("Escape")
     drawing.wait(".measure-box", kinds="")

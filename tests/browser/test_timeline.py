@@ -183,8 +183,17 @@ def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     slowest = go(".")
     press("Home")
     assert click("slowest") == slowest
+    # Its contour is selected, and the curve tells the speed and the limit there.
+    tip = studio.find(f"{TRACK} .tip")
+    expect(tip).to_be_visible()
+    number = selected.inner_text().split()[0]
+    told = re.fullmatch(r"([\d.]+) s: ([\d.]+) mm/s, contour (\d+)[^,]*, (.+)", tip.inner_text())
+    assert float(told[1]) == pytest.approx(slowest, abs=1e-3) and told[3] == number
+    ends = {1: (0, stop)}.get(int(number), (begins[-int(number)], end))
+    assert ends[0] <= slowest <= ends[1]
     press("Home")
     studio.wait("#playback", time="0")
+    expect(tip).to_be_hidden()
     # The arrow keys belong to the curve that has the focus; + and - zoom it.
     whole = part_of(studio)
     slider = studio.find(".scrub")
@@ -193,6 +202,19 @@ def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     assert time_of(studio) == pytest.approx(0.05 * whole[1])
     slider.press("+")
     assert np.diff(wait_for_part(studio, whole))[0] < whole[1]
+
+
+def test_the_tip_of_a_drag_goes_with_the_drag(studio):
+    whole = part_of(studio)
+    tip = studio.find(f"{TRACK} .tip")
+    mouse = studio.page.mouse
+    mouse.move(*place(studio, 0.3))
+    mouse.down()
+    mouse.move(*place(studio, 0.4), steps=6)
+    expect(tip).to_contain_text("zoom")
+    mouse.up()
+    wait_for_part(studio, whole)
+    expect(tip).to_be_hidden()
 
 
 def test_while_a_zoomed_part_is_played_the_time_stays_in_it(studio):

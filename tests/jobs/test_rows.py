@@ -11,7 +11,7 @@ from tests.cli.test_one_number import PAPER, text_of
 
 import armcontour as ac
 from armcontour.core.render import frame, plain
-from armcontour.core.result import FIRST, Row
+from armcontour.core.result import FIRST, Data, Row
 from armcontour.files import parse_job
 from armcontour.files.result_folder import to_json
 from armcontour.report import render_report
@@ -51,6 +51,13 @@ def test_a_new_row_appears_in_text_report_table_and_json(job_result):
     saved = json.loads(to_json(plain(job_result.to_data())))["runs"]["optimal"]
     assert saved["wobble"] == 1.23456e-3
     assert job_result.figures["optimal"]["wobble"].value == 1.23456e-3
+
+
+def test_page_does_not_show_lengths_below_a_micrometre():
+    note = "rounding 0.2 mm, servo 0.000082 mm, at 0.000500 mm/s"
+    shown = frame(Data("run", (Row("off", 8.2e-8, "m", "off", note, FIRST),)))[0]
+    assert (shown["text"], shown["unit"]) == ("< 0.001", "mm")
+    assert shown["note"] == "rounding 0.2 mm, servo < 0.001 mm, at 0.000500 mm/s"
 
 
 def modules_that_create(names):

@@ -1,5 +1,8 @@
 """Width and frequency of the weaves that runs plan."""
 
+import itertools
+
+import numpy as np
 import pytest
 from tests.geometry.tables import each
 
@@ -61,6 +64,33 @@ def test_a_warning_reports_a_weave_that_differs_from_the_requested_one(old, new,
     (weave,) = plan.weaves
     assert weave.differs and word in weave.sentence and weave.sentence in plan.warnings
     assert not any(weave.sentence in x for x in plan.remarks)
+
+
+def test_middle_of_a_weave_that_leaves_the_lines_of_the_path_is_reported():
+    # Both vertices turn by 20 degrees.
+    bent = "[[0.30, 0.20], [0.33, 0.20], [0.358, 0.2103], [0.374, 0.2226]]"
+    text = JOB[: JOB.index("path:")] + f"path: {{points: {bent}}}" + JOB[JOB.index("\nlimits") :]
+    plan = run(parse_job(text), simulate=False).runs["only"]
+    (weave,) = plan.weaves
+    # The seam is compared with the lines by the distance of its points from them.
+    corners = np.array([[0.30, 0.20], [0.33, 0.20], [0.358, 0.2103], [0.374, 0.2226]])
+    seam = plan.path.contours[0].woven.seam
+    points = seam(np.linspace(0, seam.length, 4001))
+    distances = []
+    for a, b in itertools.pairwise(corners):
+        share = np.clip((points - a) @ (b - a) / np.sum((b - a) ** 2), 0, 1)
+        distances.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1))
+    assert weave.deviation == pytest.approx(np.min(distances, axis=0).max(), rel=1e-2)
+    assert weave.deviation > 0.5e-3 and weave.deviation_sentence in plan.warnings
+    # The remedy of the warning: points on the lines, 1 mm from both vertices.
+    straight = []
+    for a, b in itertools.pairwise(corners):
+        along = (b - a) / np.linalg.norm(b - a)
+        straight += [a, a + 1e-3 * along, b - 1e-3 * along]
+    points = [[round(float(x), 9) for x in p] for p in [*straight, corners[-1]]]
+    plan = run(parse_job(text.replace(bent, str(points))), simulate=False).runs["only"]
+    (weave,) = plan.weaves
+    assert weave.deviation < 1e-5 and weave.deviation_sentence not in plan.warnings
 
 
 def test_a_limiting_travel_speed_is_named_and_its_change_suggested():

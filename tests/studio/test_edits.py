@@ -581,3 +581,27 @@ def test_external_axes_are_shown_in_mm_and_degrees_and_written_in_the_units_of_t
         new = value_at(in_si(set_to(key, sent, text=CELL), JobModel), key_of(key))
         old = value_at(in_si(load(CELL, ""), JobModel), key_of(key))
         np.testing.assert_allclose(new, old, rtol=1e-12)
+
+
+def test_limits_of_joints_have_names_and_a_rail_has_units_of_length():
+    rows = slider_rows(load(CELL, ""), parse_job(CELL), "own")
+    rail, turn = (rows[f"limits.joint_velocity.{k}"] for k in (1, 0))
+    assert (rail["joint"], rail["unit"], rail["linear"]) == ("rail", "mm/s", True)
+    assert rail["value"] / rail["factor"] == pytest.approx(800)
+    assert (turn["joint"], turn["unit"], turn["linear"]) == ("turn", "rad/s", False)
+    assert rows["limits.joint_acceleration.1"]["unit"] == "m/s²"
+    # What a user types for the rail is in the shown unit, and the job has it in SI units.
+    changed = CELL
+    for typed, expected in (("700", 0.7), ("0.6 m/s", 0.6), ("650 mm/s", 0.65), (0.5, 0.5)):
+        data = set_to("limits.joint_velocity.1", typed, text=changed)
+        assert data["limits"]["joint_velocity"][1] == pytest.approx(expected)
+        velocity = in_si(data, JobModel)["limits"]["joint_velocity"]
+        assert velocity[0] == pytest.approx(1.0)
+        # A second edit finds the list that the first one wrote.
+        changed = CELL.replace("servo:", f"limits: {{joint_velocity: {velocity}}}\nservo:")
+    with pytest.raises(InvalidInput, match="m/s"):
+        set_to("limits.joint_velocity.1", "50 deg/s", text=CELL)
+    assert (
+        set_to("limits.joint_velocity.0", "50 deg/s", text=CELL)["limits"]["joint_velocity"][0]
+        == "50 deg/s"
+    )

@@ -168,3 +168,20 @@ def test_a_new_job_does_not_discard_unsaved_changes(opened):
         tab.say("open_recent", id=x["id"])
         assert session.editor.document.text == text
     assert len(start(tab)["recent"]) == 1
+
+
+def test_a_draft_of_a_file_is_continued_without_a_question(opened, tmp_path):
+    file = tmp_path / "job.yaml"
+    file.write_text(JOB)
+    session, _ = opened(file)
+    session.editor.document.apply(change_data(session.editor.document.data, FASTER), "speed")
+    changed = session.editor.document.text
+    assert changed != JOB
+    session, tab = opened()
+    (draft,) = start(tab)["recent"]
+    tab.say("open_recent", id=draft["id"])
+    assert session.editor.document.text == changed
+    assert tab.last("document")["draft"] is None
+    # The first step of the undo list is the file.
+    tab.say("undo")
+    assert session.editor.document.text == JOB

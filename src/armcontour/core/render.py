@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -49,6 +50,9 @@ WIDEST_TABLE = 118
 MAX_LISTED = 10_000
 # Shorter lengths are shown as "< 0.001 mm" on the page [m].
 SMALLEST_LENGTH = 1e-6
+SMALLEST_LENGTH_TEXT = "< 0.001"
+# Shorter lengths in notes, as `number` writes them.
+SHORTER_LENGTH = re.compile(r"(?<![-\d.])0\.000\d{3}(?= mm\b(?!/))")
 
 
 def limit_style(kind: str) -> dict[str, Any]:
@@ -260,7 +264,7 @@ def frame(data: Data) -> list[dict[str, Any]]:
         else:
             digits_shown, unit = digits_and_unit(row.figure, row.unit)
         if row.unit == "m" and 0.0 < row.figure < SMALLEST_LENGTH:
-            digits_shown = "< 0.001"
+            digits_shown = SMALLEST_LENGTH_TEXT
             unit = "mm"
         figures.append(
             {
@@ -270,7 +274,7 @@ def frame(data: Data) -> list[dict[str, Any]]:
                 "text": digits_shown,
                 "unit": unit,
             }
-            | ({"note": row.note} if row.note else {})
+            | ({"note": SHORTER_LENGTH.sub(SMALLEST_LENGTH_TEXT, row.note)} if row.note else {})
         )
     return figures
 

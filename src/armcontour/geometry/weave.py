@@ -46,6 +46,8 @@ CLOSE_WAYPOINTS = 0.25
 SEAM_DEVIATION = 0.005
 # Largest turn of an arc between two waypoints [rad].
 MAX_TURN = np.radians(10.0)
+# Number of places per pitch at which the distance of the smooth seam from the path is measured.
+PLACES_PER_PITCH = 16
 # Relative rounding error of lengths.
 LENGTH_ROUNDING = 1e-12
 # If at least this fraction of a seam is too short for the weave, nothing is woven.
@@ -97,6 +99,8 @@ class Woven:
     # Waves per second at the assigned velocity [1/s]; NaN if the velocity changes along the seam
     frequency: float
     left_out: float  # Total length of seam parts that are too short for the weave [m]
+    # Largest distance of the smooth seam, about which the path weaves, from the path [m]
+    deviation: float
 
 
 def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
@@ -127,6 +131,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
     crests = []
     left_out = 0.0
     seam_length = 0.0
+    deviation = 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
         seam, matched_s = _smooth_seam(part, pitch, weave.width)
@@ -144,6 +149,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
             parts.append(part)
         else:
             _check_radius(seam, weave.width)
+            deviation = max(deviation, _distance_from_path(seam, part, pitch))
             crests.append(seam_length + wave.full_crests())
             parts.append(_weave_part(wave, weave.tolerance))
         seam_length += seam.length
@@ -163,6 +169,7 @@ def weave_seam(path: Path, weave: Weave) -> tuple[Path, Woven]:
         pitch=pitch,
         frequency=assigned / pitch,
         left_out=left_out,
+        deviation=deviation,
     )
     return parts[0].joined(*parts[1:]), woven
 
@@ -239,6 +246,13 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
         farthest = order[np.unique(interval[order], return_index=True)[1]]
         chosen[farthest[deviations[farthest] > SEAM_DEVIATION * width]] = True
     return seam, np.column_stack([table.breaks[vertices], s[chosen]])
+
+
+def _distance_from_path(seam: Path, path: Path, pitch: float) -> float:
+    """Return the largest distance of a smooth seam from its path, between waypoints, too [m]."""
+    count = int(PLACES_PER_PITCH * seam.length / pitch) + 2
+    points = seam(np.linspace(0.0, seam.length, count))
+    return float(path.project(points).distance.max())
 
 
 def _select_waypoints(s: FloatArray, distance: float) -> npt.NDArray[np.bool_]:

@@ -28,6 +28,9 @@ PER_WAVE = 64
 # Crests farther apart than this fraction of the pitch belong to different parts of the seam.
 # Adjacent crests are half a pitch apart.
 MAX_CREST_DISTANCE = 0.75
+# Largest distance of the middle of a weave from the path without a warning, as a fraction of the
+# weave's width. A seam of waypoints on a curve has such distances.
+SEAM_TOLERANCE = 0.05
 # Maximum relative difference between the planned and the requested weave.
 WEAVE_TOLERANCE = 0.02
 # Torques are computed at this number of times, and at the breaks of the plan.
@@ -88,6 +91,7 @@ class Weaving:
         requested: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
             velocity.
         left_out: Length of seam parts that are too short to be woven [m].
+        deviation: Largest distance of the middle of the weave from the path [m].
     """
 
     contour: str
@@ -95,6 +99,7 @@ class Weaving:
     frequency: tuple[float, float]
     requested: tuple[float, float]
     left_out: float
+    deviation: float
 
     @property
     def differs(self) -> bool:
@@ -119,6 +124,21 @@ class Weaving:
             f"{text} instead of {requested}{omitted}. The corner tolerance, the assigned velocity "
             "and the limits must allow the weave, and parts of the seam must be longer than half "
             "a pitch."
+        )
+
+    @property
+    def leaves_seam(self) -> bool:
+        """True if the middle of the weave is farther from the path than `SEAM_TOLERANCE`."""
+        return self.deviation > SEAM_TOLERANCE * self.requested[0]
+
+    @property
+    def deviation_sentence(self) -> str:
+        """Sentence with the distance of the middle of the weave from the path."""
+        return (
+            f"The middle of the weave of {self.contour} is up to {number(self.deviation, 'm')} "
+            "away from the lines of the path, because vertices that turn by at most 30 deg are "
+            "waypoints of a smooth seam. Where the seam must be straight, add points close to "
+            "these vertices."
         )
 
 
@@ -163,6 +183,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
                 frequency=(float(1 / times.max()), float(1 / times.min())),
                 requested=(woven.width, woven.frequency),
                 left_out=woven.left_out,
+                deviation=woven.deviation,
             )
 
 

@@ -527,8 +527,8 @@ def _tables(result: RunRecord, job: Job | None) -> Iterator[Table]:
     if result.weaves:
         yield Table(
             "weaves",
-            _columns(contour="", width="m", frequency="Hz", left_out="1"),
-            [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
+            _columns(contour="", width="m", frequency="Hz", left_out="1", deviation="m"),
+            [(x.contour, x.width, x.frequency, x.left_out, x.deviation) for x in result.weaves],
         )
     if single is None:
         yield _move_table(result)

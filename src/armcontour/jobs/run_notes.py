@@ -58,6 +58,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
     if run.duration is None and trajectory.speed_factor == 1.0:
         yield _warn_of_slow_leads(result)
     yield from (x.sentence for x in result.weaves if x.differs)
+    yield from (x.deviation_sentence for x in result.weaves if x.leaves_seam)
     yield from _collisions(result)
     if run.cycle > COARSE_CYCLE_SHARE * trajectory.duration:
         yield (

@@ -67,6 +67,7 @@ class Section:
         title: Title.
         summary: One line that is shown while the section is folded.
         text: Introduction.
+        mouse: How to use the figures with a mouse; not printed.
         parts: Figures and tables.
         choices: Groups of figures and tables by name; a selector shows one group.
         notes: Sentences at the end of the section.
@@ -77,6 +78,7 @@ class Section:
     title: str
     summary: str = ""
     text: str = ""
+    mouse: str = ""
     parts: tuple[Any, ...] = ()
     choices: tuple[tuple[str, tuple[Any, ...]], ...] = ()
     notes: tuple[str, ...] = ()
@@ -97,6 +99,7 @@ class Front:
         arm: `MovingArm` next to the drawing.
         parts: Figures and tables that replace the drawing.
         sentences: Headings and their sentences.
+        advice: Heading and sentence on how to make more of the report; not printed.
     """
 
     verdict: str = ""
@@ -108,6 +111,7 @@ class Front:
     arm: Any = None
     parts: tuple[Any, ...] = ()
     sentences: tuple[tuple[str, str], ...] = ()
+    advice: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import read_plain, unit_of, write_like
+from armcontour.core.render import scale
 from armcontour.core.source_file import fingerprint
 from armcontour.core.text import Keys
 from armcontour.files.file_keys import quantity_of
@@ -25,7 +26,7 @@ from armcontour.report.arm_frame import matrix
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
-from armcontour.studio.edits.keys import EXTERNAL_AXES, run_of, shown_unit, value_of
+from armcontour.studio.edits.keys import EXTERNAL_AXES, joint_unit, run_of, shown_unit, value_of
 from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.edits.obstacles import part_names
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
@@ -87,9 +88,25 @@ def _quantity(
     if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
         for k in finite.tolist():
             text = written[k] if isinstance(written, list) else written
-            yield f"{key}.{k}", _row(keys, float(value[k]), text)
+            yield f"{key}.{k}", _joint_row(keys, float(value[k]), text, job, k)
     else:
         yield key, _row(keys, float(value[0]), written)
+
+
+def _joint_row(keys: Keys, value: float, written: Any, job: Job, joint: int) -> dict[str, Any]:
+    """Make the slider row of a joint, with its name.
+
+    `linear` is true if the value has a unit of length, because the joint is prismatic. The file has
+    it as a number in SI units, and the page shows it in the units of results.
+    """
+    kind = quantity_of(JobModel, full_key(keys))
+    assert kind is not None
+    row = _row(keys, value, written)
+    unit = joint_unit(kind, joint, job)
+    is_linear = unit != kind.unit
+    if is_linear:
+        row["unit"], row["factor"] = scale(unit)
+    return {**row, "joint": job.arm.joint_names[joint], "linear": is_linear}
 
 
 def _row(keys: Keys, value: float | None, written: Any) -> dict[str, Any]:

@@ -304,10 +304,12 @@ class Session:
                 document = open_file(FilePath(entry.file), entry.cell)
             else:
                 document = Document(entry.opened, source=entry.name, folder=folder)
+            if entry.text is not None:
+                # The user chose to continue this draft.
                 document.earlier_draft = entry
             before = self.editor.document
             self.editor.open(document)
-            if entry.file is None:
+            if entry.text is not None:
                 self.editor.restore()
         self.confine(named)
         self._show_opened(before)

@@ -232,6 +232,11 @@ NOT_PRINTED = """() => {
   found.push(...all("table").filter((x) => !x.checkVisibility()).map((x) => x.textContent));
   found.push(...all(".still").filter((x) => !x.checkVisibility()).map(() => "no arm"));
   found.push(...all(".space, .player").filter((x) => x.checkVisibility()).map(() => "3-D"));
+  // Paper has no mouse, and a line in each legend.
+  const hints = /double-click|drag a rectangle|or press Improve/gi;
+  found.push(...(document.body.innerText.match(hints) ?? []));
+  for (const x of all(".keys .swatch"))
+    if (!parseFloat(getComputedStyle(x).borderTopWidth)) found.push(`swatch: ${x.outerHTML}`);
   for (const x of document.querySelectorAll(".plots canvas, table, svg"))
     if (x.getBoundingClientRect().right > paper) found.push(`wide: ${x.outerHTML.slice(0, 80)}`);
   return found;

@@ -4,6 +4,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
 from tests.browser.test_starting import started
+from tools.studio_page import serving, write_job
 
 __all__ = ["started"]
 
@@ -27,3 +28,11 @@ def test_the_start_page_is_accessible_and_operable_by_keys(started, pages, colou
     expect(studio.find("rect.pen")).to_be_visible()
     page_faults += faults(studio.page)
     assert not page_faults, "\n".join(page_faults)
+
+
+def test_the_first_start_says_that_it_compiles(pages, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "compiled"))
+    with serving(write_job(tmp_path / "job.yaml", "optimal"), folder=tmp_path) as server:
+        studio = pages(server)
+        expect(studio.find("#messages .work")).to_contain_text("only this once")
+        expect(studio.find("#tab-contours")).not_to_contain_text("No contour")

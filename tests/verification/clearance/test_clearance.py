@@ -157,6 +157,19 @@ def test_the_nearest_pair_of_every_kind_is_reported():
     assert clearance.nearest[0] is clearance.least
 
 
+def test_distance_of_nearest_obstacle_is_accurate_although_other_pairs_are_nearer():
+    tip = LinkShape(name="tip", link=6, shape=Sphere(radius=0.01), tool=True)
+    close = LinkShape(name="close", link=4, shape=Sphere(radius=0.05))
+    arm = UR5E.with_shapes(ArmShapes(shapes=(close, tip)))
+    motion = sweep_of(A, B, 1.0)
+    scene = Scene(obstacles=(ball("wall", 0.05, [0.3, 0.7, 0.4]),))
+    clearance = check_clearance(motion, arm, scene, resolution=1e-4)
+    pairs = {x.bodies: x for x in clearance.pairs if "wall" in x.bodies and x.kind == "tool"}
+    (pair,) = pairs.values()
+    assert clearance.least.high < pair.low
+    assert pair.high <= pair.low + 1.1e-4
+
+
 def test_missing_shapes_contacts_at_rest_and_obstacles_on_the_part_count():
     ignored = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
     assert [x.first for x in ignored] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]

@@ -1,4 +1,4 @@
-"""Motions as a bag of ROS 2 (.mcap), which Foxglove, rerun and PlotJuggler open."""
+"""Motions as a bag of ROS 2 (.mcap), for viewers such as Foxglove, rerun and PlotJuggler."""
 
 from __future__ import annotations
 

@@ -14,6 +14,9 @@ from armcontour.report.plan_drawing import draw_plan
 from armcontour.report.section import Front, Section, TextTable, side_by_side, tiles
 from armcontour.report.style import few
 
+# Heading of advice.
+HEADING = "What to change"
+
 
 def front(job_result: JobResult) -> Front:
     """Make the first screen of a job result, with the drawing of one run."""
@@ -31,6 +34,7 @@ def front(job_result: JobResult) -> Front:
         drawing=drawing,
         arm=draw_arm(result, job_result.job),
         sentences=tuple(_sentences(job_result, result)),
+        advice=_missing_advice(job_result, result),
     )
 
 
@@ -58,6 +62,13 @@ def _verdict_sentence(job_result: JobResult, data: Data) -> str:
     return f"{capitalise(figure(verdict))}: {words}" + f" ({note})" * bool(note) + "."
 
 
+def _missing_advice(job_result: JobResult, result: RunResult) -> tuple[str, str] | None:
+    """Return how to get advice, if it is possible and was not computed."""
+    if result.advice is not None or result.explanation is None or not job_result.simulated:
+        return None
+    return HEADING, "Add --changes to armcontour run, or press Improve in the Studio."
+
+
 def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
     """Yield headings and sentences: active limits, advice, weakest point and assumptions."""
     changes = list[str]()
@@ -65,9 +76,7 @@ def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, 
         for x in advice.improvements:
             changes.append(f"{x.label}: {x.effect}" + f", if {x.condition}" * bool(x.condition))
         changes += filter(None, [advice.note])
-    elif result.explanation is not None and job_result.simulated:
-        changes.append("Add --changes to armcontour run, or press Improve in the Studio.")
-    yield from zip(["What to change", *[""] * len(changes)], changes, strict=False)
+    yield from zip([HEADING, *[""] * len(changes)], changes, strict=False)
     # Notes of the drawing are no weak points of the plan.
     warnings = [x for x in result.warnings if x not in result.path.notes]
     if warnings:

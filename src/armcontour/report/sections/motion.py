@@ -40,8 +40,10 @@ BARS = 28
 def over_time(job_result: JobResult) -> Section:
     """Make the section with tool speed, active limits and contour error over time."""
     text = ""
+    mouse = ""
     if _is_squeezed(job_result):
-        text += "Speeds of rapids are cut off at the top; double-click the plot to show them. "
+        text += "Speeds of rapids are cut off at the top. "
+        mouse = "Double-click the plot to show them."
     if any(x.experiment is not None for x in job_result.runs.values()):
         text += "Dotted curves are experiments: simulations with rigid bodies. "
     tables = [
@@ -54,6 +56,7 @@ def over_time(job_result: JobResult) -> Section:
         title="Over time",
         summary="tool speed and active limits" + ", contour error" * job_result.simulated,
         text=text,
+        mouse=mouse,
         parts=(draw_over_time(job_result, plot_speed, plot_limits, plot_error), *tables),
     )
 

@@ -48,7 +48,8 @@ def paths(job_result: JobResult) -> Section:
         summary=f"{kind} path" + " with its errors" * job_result.simulated,
         text=f"The {kind} path of the tool over the drawing"
         + ", coloured by its distance from the drawing" * job_result.simulated
-        + ". Drag a rectangle to enlarge it; double-click to see all.",
+        + ".",
+        mouse="Drag a rectangle to enlarge it; double-click to see all.",
         choices=tuple((x.name, (draw_tool(x, job_result.job.name),)) for x in tools_of(job_result)),
     )
 

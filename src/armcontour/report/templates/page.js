@@ -238,11 +238,15 @@ const short = (x) => (Math.abs(x) >= 1e4 ? x.toFixed(0) : String(Number(x.toPrec
 
 const small = (x) => (x > 0 && x < 1e-3 ? "< 0.001" : short(x));
 
+// Shorter dashes are dots in a legend [px].
+const DOT = 3;
+
 function keyOf(tag, colour, text, dash = []) {
   const key = document.createElement(tag);
   const line = document.createElement("i");
   line.className = "swatch";
-  line.style.cssText = `--colour:${colour};--dash:${dash.length ? `${dash[0]}px` : "100%"}`;
+  const look = dash.length === 0 ? "solid" : dash[0] > DOT ? "dashed" : "dotted";
+  line.style.cssText = `--colour:${colour};--stroke:${look}`;
   key.append(line, text);
   return key;
 }

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quantities import Quantity, read_plain, unit_of, write_like
+from armcontour.core.quantities import Quantity, linear_unit, read_plain, unit_of, write_like
 from armcontour.core.render import scale
 from armcontour.core.text import Keys, plain_number, show
 from armcontour.files.file_keys import quantity_of
@@ -68,7 +68,7 @@ def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             # A number without a unit has that of the value which applies to all contours.
             shared = (SHARED.get(str(keys[-1]), "process"), *keys[3:])
             now = value_at(state.data, locate_key(shared, state.data, state.run))
-        value = format_value(value, now, keys)
+        value = _format_joint_value(value, now, keys, state)
     return resolve_patch(state.data, {keys: value}, state.run)
 
 
@@ -112,7 +112,38 @@ def _list_joint_values(keys: Keys, value: Any, old: Any, state: EditState) -> li
         raise InvalidInput(f"{'.'.join(map(str, outer))} cannot have a value per joint.")
     checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
-    return [format_value(x, old, (*outer, k)) for k, x in enumerate(si)]
+    return [_format_joint_value(x, old, (*outer, k), state) for k, x in enumerate(si)]
+
+
+def _format_joint_value(value: Any, old: Any, keys: Keys, state: EditState) -> Any:
+    """Format a value as `format_value` does, but that of a prismatic joint as a number in SI units.
+
+    Raises:
+        InvalidInput: A text is not a quantity of a prismatic joint.
+    """
+    kind = quantity_of(JobModel, keys)
+    joint = keys[-1]
+    if kind is None or not isinstance(joint, int) or not isinstance(value, str | int | float):
+        return format_value(value, old, keys)
+    unit = joint_unit(kind, joint, state.handles.job)
+    is_limit = joint_values(keys[:-1], state.handles.job, state.run) is not None
+    if not is_limit or unit == kind.unit:
+        return format_value(value, old, keys)
+    if not isinstance(value, str):
+        return float(value)
+    # The page shows the value with this unit, so a number without a unit has it.
+    typed = value if plain_number(value) is None else f"{value} {scale(unit)[0]}"
+    try:
+        return read_plain(typed, replace(kind, unit=unit))
+    except ValueError as error:
+        raise InvalidInput(f"{'.'.join(map(str, keys))} {error}.") from error
+
+
+def joint_unit(kind: Quantity, joint: int, job: Job) -> str:
+    """Return the SI unit of a joint's value, given the quantity for revolute joints."""
+    prismatic = job.arm.chain.prismatic or ()
+    slides = joint < len(prismatic) and prismatic[joint]
+    return linear_unit(kind.unit) if slides else kind.unit
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:

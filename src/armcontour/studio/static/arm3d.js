@@ -28,6 +28,8 @@ const FINEST = 1 / 4000;
 const NEAR = 6; // px
 /** Height of the note at the bottom. */
 const NOTE = 44; // px
+/** Smaller errors are not told [m]. */
+const SMALLEST_ERROR = 1e-9;
 
 /** @param {Store} store @param {import("./connection.js").Link} link */
 export function init(store, link) {
@@ -298,7 +300,8 @@ class ArmView {
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";
     const { factor = 0, error = 0 } = this.ghost ?? {};
-    return factor ? shownText(`Blue: the executed tool, ${short(1e6 * error, 3)} µm off the path, error ×${factor}`) : "";
+    const off = error < SMALLEST_ERROR ? `< ${1e6 * SMALLEST_ERROR}` : short(1e6 * error, 3);
+    return factor ? shownText(`Blue: the executed tool, ${off} µm off the path, error ×${factor}`) : "";
   }
 }
 

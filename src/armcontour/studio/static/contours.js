@@ -29,6 +29,13 @@ function limitOf(picture, k) {
   return Object.keys(times).sort((a, b) => times[b] - times[a])[0] ?? "unknown";
 }
 
+/** Return whether the page knows the contours: they come with the first picture, unless the job has none. @param {Store} store @returns {boolean} */
+function isKnown(store) {
+  const { path, data } = store.document ?? {};
+  const hasNone = path?.kind === "blank" || data?.path?.edges?.length === 0;
+  return hasNone || store.latest("picture") !== null || store.refusal !== null;
+}
+
 /** @param {Store} store */
 export function init(store) {
   const region = find("#tab-contours");
@@ -75,14 +82,14 @@ export function init(store) {
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
         <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}${left.slice(0, MOST).map((x) => html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
           <span class="grip" /><span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
-        ${!contours.length && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}
+        ${!contours.length && isKnown(store) && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}
         ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
       region,
     );
     // The focus goes with a moved row.
     if (isMoved && region.contains(document.activeElement)) /** @type {HTMLElement | null} */ (region.querySelector("[aria-pressed=true]"))?.focus();
   });
-  for (const event of ["document", "picture", "view", "theme"]) store.on(event, update);
+  for (const event of ["document", "picture", "refusal", "view", "theme"]) store.on(event, update);
   let shown = -1;
   /** Scroll the list, but not the page, to a contour that was selected elsewhere. */
   const reveal = () => {

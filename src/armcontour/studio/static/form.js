@@ -11,9 +11,10 @@ import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, u
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 /**
- * A quantity with a usual range, as `fields.py` gives it, with its key and label.
+ * A quantity with a usual range, as `description.py` gives it, with its key and label; that of a joint has the joint's name,
+ * and `linear` if the joint is prismatic.
  * @typedef {{key: string, label: string, value: number | string | null, written: string | null, unit: string,
- *   factor: number, min: number, max: number, log: boolean, from: string}} Slider
+ *   factor: number, min: number, max: number, log: boolean, from: string, joint?: string, linear?: boolean}} Slider
  */
 /** @typedef {(string | number)[]} Key */
 /**
@@ -267,7 +268,7 @@ function Leaf({ f, at, label = f.label ?? f.name }) {
   const joints = useComputed(() => JSON.stringify(jointsAt(at)));
   const all = /** @type {Key[]} */ (JSON.parse(joints.value));
   if (!all.length) return html`<${One} f=${f} at=${at} label=${label} />`;
-  return all.map((key) => html`<${One} key=${key} f=${f} at=${key} label=${`${label} ${Number(key.at(-1)) + 1}`} />`);
+  return all.map((key) => html`<${One} key=${key} f=${f} at=${key} label=${`${label}, ${rowAt(key)?.joint}`} />`);
 }
 
 /** @param {Props} props */
@@ -290,7 +291,7 @@ function One({ f, at, label = f.name }) {
   const [mark, where] = FROM[is];
   const isChosen = f.choices && !f.open;
   const given = refused === null && shown ? shown.text : textOf(refused !== null ? refused : key === "arm" ? (written?.name ?? written?.file ?? written) : written);
-  const isComputed = typeof row?.value === "number" && (is === "arm" || is === "default");
+  const isComputed = typeof row?.value === "number" && (is === "arm" || is === "default" || row.linear);
   // A refused value is shown as it was typed.
   const value = refused !== null ? given : shownField(isComputed ? quantity(Number(row?.value), /** @type {Slider} */ (row)) : given, lengthUnit);
   const id = `set-${key.replace(/[^\w]/g, "-")}`;
@@ -300,7 +301,9 @@ function One({ f, at, label = f.name }) {
   const escape = (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && forget(key);
   // The written value changes while the field has the focus.
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
-  let control = html`<${Entry} ...${more} value=${value} placeholder=${shownText(hintOf(f))} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(f, typedField(text, lengthUnit)))} />`;
+  // A number that is typed for a prismatic joint has the shown unit; the server reads it.
+  const typed = row?.linear ? { ...f, plain: false } : f;
+  let control = html`<${Entry} ...${more} value=${value} placeholder=${shownText(hintOf(f))} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(typed, typedField(text, lengthUnit)))} />`;
   if (f.choices && !isChosen)
     control = html`${control}<datalist id=${`${id}-known`}>${f.choices.map((x) => html`<option value=${String(x)} />`)}</datalist>`;
   if (f.tick) control = html`<input type="checkbox" ...${more} checked=${written ?? f.default ?? false} onChange=${(/** @type {any} */ e) => set(at, e.target.checked)} />`;

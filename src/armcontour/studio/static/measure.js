@@ -21,8 +21,10 @@ const [NEAR_POINT, NEAR_SHAPE] = [9, 10];
 const FINGER = 2.2;
 /** With more shapes than this, none lights up at the pointer; clicks find them. */
 const MOST_HOVERED = 3000;
-/** Digits of a length in the shown unit. */
-const DIGITS = 6;
+/** Decimals of a length, by the shown unit: clicks in a view are not more precise. @type {Record<string, number>} */
+const DECIMALS = { mm: 2, in: 4 };
+/** Shorter lengths are 0 [m]. */
+const ZERO = 1e-9;
 const ASIDE = [14, -40]; // px
 
 export class Measure {
@@ -173,7 +175,11 @@ export class Measure {
   /** @param {number} x m @returns {string} */
   long(x) {
     const { factor, unit: name } = lengthUnit();
-    return `${short(Math.abs(x) < 1e-9 ? 0 : x / factor, DIGITS).replace("-", "−")} ${name}`;
+    const smallest = 10 ** -DECIMALS[name];
+    const size = Math.abs(x) / factor;
+    if (Math.abs(x) > ZERO && size < smallest / 2) return `< ${smallest} ${name}`;
+    const text = String(Number(size.toFixed(DECIMALS[name])));
+    return `${x < -ZERO ? "−" : ""}${text} ${name}`;
   }
 
   /** @param {Vector} v m @returns {string} */

@@ -14,6 +14,8 @@ import { html, render } from "./vendor/preact.js";
 
 /** Tasks whose progress is shown here: the start, and work on the newest state; with their names in messages. */
 const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", "#": "Preview" });
+/** Name of the step in which functions are compiled, as in `progress.py`. */
+const COMPILING = "compiling, once";
 const SHOWN_FOR = 9000; // ms
 const MOST = 4;
 
@@ -61,7 +63,7 @@ export function init(store, link) {
     if (!(head.task in WORK)) return;
     task = head.task;
     work.hidden = state === "done";
-    const name = tier === "exact" ? "Exact figures" : WORK[task];
+    const name = steps.includes(COMPILING) ? "Compiling, only this once" : tier === "exact" ? "Exact figures" : WORK[task];
     const done = part || (share ? `${Math.round(100 * share)} %` : "");
     const how = [`: ${steps.at(-1) ?? "…"}`, done, left ? `about ${Math.ceil(left)} s left` : ""].filter(Boolean).join(", ");
     render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);

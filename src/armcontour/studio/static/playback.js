@@ -2,7 +2,7 @@
 
 import { find, make } from "./dom.js";
 import { seconds } from "./format.js";
-import { contourBeside, slowestOf, stopBeside } from "./motion_places.js";
+import { contourAt, contourBeside, slowestOf, stopBeside } from "./motion_places.js";
 import { motionOf, shownMotion } from "./motion.js";
 import { nowAndThen, READING } from "./state.js";
 import { Timeline } from "./timeline.js";
@@ -27,8 +27,8 @@ const JUMPS = /** @type {Record<string, {title: string, key: string, d: string}>
 const Choice = ({ name, all, chosen, choose }) => html`<select aria-label=${name} title=${name} value=${chosen} onChange=${(/** @type {any} */ e) => choose(e.target.value)}>
   ${all.map(([value, text, isOff]) => html`<option value=${value} disabled=${isOff} selected=${value === chosen}>${text}</option>`)}</select>`;
 
-/** Go to a place of the planned motion; a contour is also selected. @param {Store} store @param {string} name of `JUMPS` */
-function jump(store, name) {
+/** Go to a place of the planned motion; its contour is also selected. @param {Store} store @param {Timeline} timeline that tells of the slowest place @param {string} name of `JUMPS` */
+function jump(store, timeline, name) {
   const picture = store.latest("picture");
   if (!picture?.arrays.path_t.length) return;
   const way = name.endsWith("after") ? 1 : -1;
@@ -38,7 +38,11 @@ function jump(store, name) {
     return;
   }
   const t = name === "slowest" ? slowestOf(picture) : stopBeside(picture, store.time, way);
-  if (t !== undefined) store.setTime(t);
+  if (t === undefined) return;
+  store.setTime(t);
+  if (name !== "slowest") return;
+  store.setView({ contour: contourAt(picture, t), side: "contours" });
+  timeline.tellPlace();
 }
 
 /** @param {Store} store */
@@ -87,7 +91,7 @@ export function init(store) {
     render(
       html`<button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => play(!playing)}>${playing ? "Pause" : "Play"}</button>
         <output class="clock">${now} / ${end} s</output>
-        <span class="jumps" role="group" aria-label="Go to">${Object.entries(JUMPS).map(([name, { title, key, d }]) => html`<button type="button" data-jump=${name} title=${`${title} (${key})`} aria-label=${title} aria-keyshortcuts=${key} disabled=${!motion} onClick=${() => jump(store, name)}>
+        <span class="jumps" role="group" aria-label="Go to">${Object.entries(JUMPS).map(([name, { title, key, d }]) => html`<button type="button" data-jump=${name} title=${`${title} (${key})`} aria-label=${title} aria-keyshortcuts=${key} disabled=${!motion} onClick=${() => jump(store, timeline, name)}>
           <svg viewBox="0 0 16 16" aria-hidden="true"><path d=${d} /></svg></button>`)}</span>
         <${Choice} name="Motion" all=${[["both", "both tools"], ["planned", "planned"], ["executed", "executed", !motionOf(store, "executed")]]} chosen=${options.time} choose=${(/** @type {Which} */ x) => store.setView({ time: x })} />
         <${Choice} name="Rate" all=${rates} chosen=${String(rate)} choose=${(/** @type {string} */ x) => (rate = Number(x))} />`,

@@ -13,7 +13,10 @@ const MOVES = /** @type {Record<string, number>} */ ({ ArrowDown: 1, ArrowUp: -1
 export function init(store, link) {
   const button = /** @type {HTMLButtonElement} */ (find("#steps-open"));
   const list = find("#steps");
-  const go = (/** @type {number} */ to) => link.send({ op: "undo", to });
+  const go = (/** @type {number} */ to) => {
+    link.send({ op: "undo", to });
+    list.hidePopover();
+  };
   /** A state of the job: after `to` steps. @param {number} to @param {string} label @param {number} made */
   const row = (to, label, made) => html`<li key=${to}><button type="button" data-step=${to} class=${to > made ? "undone" : ""} aria-current=${to === made ? "step" : undefined}
     title=${to > made ? "Undone: click to make it again" : ""} onClick=${() => go(to)}>${label}</button></li>`;

@@ -36,6 +36,8 @@ export class Timeline {
     this.scale = new TimeScale();
     /** @type {Drag | null} */
     this.drag = null;
+    /** Time of which the tip tells until another time is shown; -1 without one [s]. */
+    this.told = -1;
     this.canvas = make("canvas", { role: "img", "aria-label": "Tool speed over time, and the limits that determine it" });
     this.line = make("div", { class: "now" });
     this.range = make("div", { class: "range", hidden: true });
@@ -55,7 +57,7 @@ export class Timeline {
     slider.addEventListener("pointermove", (event) => this.move(event));
     slider.addEventListener("pointerup", (event) => this.release(event));
     slider.addEventListener("lostpointercapture", () => this.forget());
-    slider.addEventListener("pointerleave", () => (this.tip.hidden = true));
+    slider.addEventListener("pointerleave", () => this.hideTip());
     slider.addEventListener("dblclick", () => this.showAll());
     slider.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     slider.addEventListener("keydown", (event) => this.press(event));
@@ -86,6 +88,18 @@ export class Timeline {
     if (!this.drag && this.scale.follow(this.store.time)) this.draw();
     this.placeLine();
     this.tell();
+    if (this.told >= 0 && this.told !== this.store.time) this.hideTip();
+  }
+
+  /** Tell of the shown time: speed, contour and limit. */
+  tellPlace() {
+    this.showTip(this.scale.xOf(this.store.time));
+    this.told = this.store.time;
+  }
+
+  hideTip() {
+    this.tip.hidden = true;
+    this.told = -1;
   }
 
   placeLine() {
@@ -153,6 +167,8 @@ export class Timeline {
   forget() {
     this.drag = null;
     this.range.hidden = true;
+    // The tip tells of the drag.
+    this.hideTip();
     this.slider.removeAttribute("data-drag");
   }
 

@@ -60,12 +60,16 @@ def figures(request: Request) -> MessageFrame:
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
-    """Return the nearest pair with an obstacle on the base; pairs of links can be nearer."""
+    """Return the nearest pair with an obstacle on the base; pairs of links can be nearer.
+
+    Its lower bound is accurate, while those of pairs with larger distances can be much too small.
+    """
     scene = request.job.scene
     bodies = () if scene is None else scene.obstacles
     names = {x.name for x in bodies if x.fixed_to == BASE and not isinstance(x.shape, HalfSpace)}
     pairs = () if result.clearance is None else result.clearance.pairs
-    return min((x for x in pairs if names & {x.first, x.second}), key=lambda x: x.low, default=None)
+    with_obstacle = (x for x in pairs if names & {x.first, x.second})
+    return min(with_obstacle, key=lambda x: x.high, default=None)
 
 
 def changes(request: Request) -> MessageFrame:

@@ -65,6 +65,9 @@ class Pair:
     second: LinkShape
     kind: str  # "environment", "own" or "tool"
     margin: float  # Smallest allowed distance [m]
+    # Name of the pairs of which the smallest distance is computed: the kind, and for a pair with
+    # the cell whether its body is a plane or another obstacle
+    group: str
     # Bounds on the approach speed per joint speed with prismatic joints at 0 [m/rad], (dof,); 1 for
     # a prismatic joint
     radii: FloatArray
@@ -102,7 +105,8 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         elif _slides_along(chain, first, second):
             reason = f"it only slides along the plane of {first.name}"
         else:
-            pairs.append(_make_pair(radii_of, first, second, kind, margin))
+            cell = "plane" if isinstance(first.shape, HalfSpace) else "obstacle"
+            pairs.append(_make_pair(radii_of, first, second, kind, margin, f"{kind} {cell}"))
             continue
         left_out.append(LeftOut(first=first.name, second=second.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
@@ -111,7 +115,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         if exclusion is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_make_pair(radii_of, first, second, kind, margin))
+            pairs.append(_make_pair(radii_of, first, second, kind, margin, kind))
         elif first.name != second.name:
             left_out.append(LeftOut(first=first.name, second=second.name, reason=exclusion))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
@@ -130,7 +134,7 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     raised = floor + FIRST_RAISED + int(chain.slides[floor])
     links = [x for x in shapes.shapes if x.link >= raised and not x.tool]
     radii_of = partial(_radii, chain)
-    return tuple(_make_pair(radii_of, plane, x, MOUNTING, -BELOW) for x in links)
+    return tuple(_make_pair(radii_of, plane, x, MOUNTING, -BELOW, MOUNTING) for x in links)
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
@@ -253,6 +257,7 @@ def _make_pair(
     other: LinkShape,
     kind: str,
     margin: float,
+    group: str,
 ) -> Pair:
     """Make a pair with the bounds on its approach speed.
 
@@ -265,7 +270,7 @@ def _make_pair(
     moving = first if isinstance(second.shape, HalfSpace) else second
     radii = radii_of(moving).copy()
     radii[: first.link] = radii[second.link :] = 0.0
-    return Pair(first=first, second=second, kind=kind, margin=margin, radii=radii)
+    return Pair(first=first, second=second, kind=kind, margin=margin, group=group, radii=radii)
 
 
 def _radii(chain: Chain, body: LinkShape) -> FloatArray:

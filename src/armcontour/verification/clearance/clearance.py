@@ -283,7 +283,8 @@ def check_clearance(
         motion: A planned or an executed motion, or a joint path, with arc length instead of time.
         arm: The arm, with the shapes of its links; by default the arm of the motion.
         scene: Obstacles and margins; by default none, with the default margins.
-        resolution: Accuracy of the smallest distance of every kind of pair [m].
+        resolution: Accuracy of the smallest distance of each kind of pair [m]. For links, and for
+            the tool, the nearest plane and the nearest other obstacle have this accuracy, too.
 
     Raises:
         InvalidInput: The shapes of the arm are unknown, or the scene is invalid.
@@ -320,7 +321,7 @@ class Cell:
 
         Args:
             motion: The motion.
-            resolution: Accuracy of the smallest distance of every kind of pair [m].
+            resolution: As in `check_clearance`.
         """
         below = self.below(motion, resolution)
         if self._distances is None:
@@ -424,7 +425,7 @@ class _ClearanceSearch:
             farthest = (np.abs(q[:-1]) + np.diff(travel, axis=0)).max(axis=0)
             self._radii = np.array([x.radii_at(farthest, distances.slides) for x in pairs])
         self._margins = np.array([x.margin for x in pairs])
-        self._kinds = np.unique([x.kind for x in pairs], return_inverse=True)[1]
+        self._groups = np.unique([x.group for x in pairs], return_inverse=True)[1]
         self._blur = np.zeros(len(pairs))
         if isinstance(motion, Execution):
             # Between samples the joints deviate from straight lines.
@@ -554,13 +555,13 @@ class _ClearanceSearch:
         if self._resolution == np.inf:
             unproven = (low < self._margins[pair]) & (begin < self.first_violation)
             return np.asarray(unproven & (width > MARGIN_TOLERANCE))
-        smallest = np.full(self._kinds.max() + 1, np.inf)
-        np.minimum.at(smallest, self._kinds, self._high)
+        smallest = np.full(self._groups.max() + 1, np.inf)
+        np.minimum.at(smallest, self._groups, self._high)
         margin = self._margins[pair]
         # A pair whose margin is not proven at one time is decided.
         provable = self._high[pair] - UNCERTAINTY - self._blur[pair] >= margin
         unproven = (low < margin) & provable
-        coarse = low < smallest[self._kinds[pair]] - self._resolution
+        coarse = low < smallest[self._groups[pair]] - self._resolution
         return np.asarray(
             (unproven & (width > MARGIN_TOLERANCE)) | (coarse & (width > self._resolution))
         )
