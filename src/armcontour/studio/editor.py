@@ -91,13 +91,15 @@ class Editor:
         before = self.previewer.folder
         self.previewer.folder = document.folder
         self.previewer.forget()
+        runs = self.run, self._run_before
+        # The runs of the other document are not those of this one, even with the same names.
+        self.run = self._run_before = ""
         state = self._read_state(document.data)
         if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
+            self.run, self._run_before = runs
             raise state.error or InvalidInput("The document is not a valid job.")
         self.document = document
-        self.run = ""
-        self._run_before = ""
         self._count_revision(state)
 
     @property
