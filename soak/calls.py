@@ -76,6 +76,8 @@ INNER = {
     # `plan`, `compensate` and jobs call the methods of options.
     *("at_cycle", "check_jerk", "for_program", "reshape", "time", "without_duration"),
     *("set_points", "settling", "Limits.of_chain"),
+    # Runs add their motions to the formats that write them.
+    "with_motions",
     # Tracing holds joints, and changes their weights.
     *("hold_still", "holding", "weighting", "seen_from"),
     *(
