@@ -85,7 +85,7 @@ REFUSED = [
     ("plain.csv", ["--cell", "requires a cell"]),
     ("deep.ngc --cell pmk3s", ["deep.ngc has z", "--ignore-z"]),
     ("two.csv --cell pmk3s --position 0.5m,0.3m", ["Contour 2 (b)", "out of reach"]),
-    ("two.csv --cell pmk3s --export template", ["template", "urscript, kuka"]),
+    ("two.csv --cell pmk3s --export template", ["template", "urscript, mcap, kuka"]),
     ("two.csv --cell pmk3s --call", ["--call requires --export"]),
     (
         "two.csv --cell ur5e --export urscript --set export.outputs.tool=1",
