@@ -38,11 +38,7 @@ MAX_NAMED = 40
 
 @declared()
 class ArmOptions(Checked):
-    """Options for loading an arm.
-
-    >>> options = ac.ArmOptions(tip="tool0")
-    >>> options.tip
-    'tool0'
+    """Options for loading an arm: keys of a job's arm, and arguments of `load_arm`.
 
     Args:
         tip: Link at the end of the arm, for a robot description (.urdf); by default `tool0`, or

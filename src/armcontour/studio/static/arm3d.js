@@ -28,7 +28,7 @@ const FINEST = 1 / 4000;
 const NEAR = 6; // px
 /** Height of the note at the bottom. */
 const NOTE = 44; // px
-/** Smaller errors are not told [m]. */
+/** Smaller errors are not described [m]. */
 const SMALLEST_ERROR = 1e-9;
 
 /** @param {Store} store @param {import("./connection.js").Link} link */
@@ -69,7 +69,7 @@ class ArmView {
     /** Drawn content, for tests and measurements. @type {Record<string, string>} */
     this.told = {};
     this.draw = oncePerFrame(() => this.drawNow());
-    // Texts and attributes take longer than the posture, and nobody reads them in every screen frame.
+    // Texts and attributes take longer than the posture, so they are not written in every screen frame.
     this.describe = nowAndThen(READING, () => this.describeNow());
     this.note = make("p", { class: "arm-note", role: "status" });
     this.box = make("div", { class: "arm-box" }, [this.note]);
