@@ -49,10 +49,15 @@ class Guide:
         - `stops`: those arc lengths in `s` at which the tool stops [m].
         """
         n, free, dof = w.shape
-        turned = [np.eye(free)]
-        for turn in _basis_rotations(w):
-            turned.append(turned[-1] @ turn)
-        values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
+        turned = np.empty((n, free, free))
+        turned[0] = np.eye(free)
+        turns = _basis_rotations(w)
+        if free == 1:
+            turned[1:] = np.cumprod(turns, axis=0)
+        else:
+            for k, turn in enumerate(turns):
+                turned[k + 1] = turned[k] @ turn
+        values = np.concatenate([q, (turned @ w).reshape(n, free * dof)], axis=1)
         cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
         # Sections of one interval are lines.
         coefficients = np.zeros((n - 1, 6, values.shape[1]))
