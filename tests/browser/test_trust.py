@@ -193,6 +193,58 @@ def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
         studio.wait(f".task-result[data-task={task}]", outdated="false")
 
 
+def test_the_plan_of_a_certificate_is_shown_and_exported_by_one_click(page, folder):
+    studio = shown(page, folder, JOB.replace("name: cell", "name: proved"), "proved.yaml")
+    studio.rest()
+    usual = studio.figure("duration")
+    studio.tab("tasks")
+    result = studio.do("certify", {"tolerance": "2"})
+    # The other tasks wait, and say why.
+    waiting = studio.find("#tasks .task-wait")
+    export = studio.find("#tasks form[data-task=export] button[type=submit]")
+    if studio.told(".task-result[data-task=certify]", "state") == "running":
+        expect(waiting).to_contain_text("Certify")
+        expect(export).to_have_attribute("aria-disabled", "true")
+        expect(export).to_have_attribute("title", re.compile("Certify is running"))
+        bar = studio.find("#bar [data-opens=report]")
+        expect(bar).to_have_attribute("title", re.compile("Certify is running"))
+    studio.wait(".task-result[data-task=certify]", state="done")
+    expect(waiting).to_have_count(0)
+    expect(export).to_have_attribute("aria-disabled", "false")
+    expect(result.locator(".task-sentence")).to_contain_text("run only")
+    # The proved plan is slower than that of the run.
+    result.get_by_role("button", name="Show this plan").click()
+    studio.wait_for("body:not([data-certified=''])")
+    studio.wait_for("#figures[data-exact=true]")
+    banner = studio.find(".certified-banner")
+    expect(banner).to_contain_text("run only")
+    proved = studio.figure("duration")
+    assert proved != usual
+    tile = result.locator(".tiles div", has_text=re.compile("duration|motion|cycle", re.I)).first
+    assert f"{proved:.3g}" in tile.inner_text()
+    # It is exported by one click.
+    result.locator("[name=format]").select_option("csv")
+    result.get_by_role("button", name="Export this plan").click()
+    made = ".task-result[data-task=export]"
+    studio.wait(made, state="done")
+    name, content = studio.save_file(studio.find(f"{made} [data-file]").first)
+    assert name == "proved-only-certified.csv"
+    assert abs(content.count(b"\n") * 4e-3 - proved) < 0.2
+    # The plan of the run comes back by a button, and by an edit.
+    banner.get_by_role("button", name="Back to the plan of the run").click()
+    studio.wait("body", certified="")
+    studio.rest()
+    assert studio.figure("duration") == usual
+    expect(banner).to_be_hidden()
+    studio.tab("process")
+    with studio.changing():
+        studio.type("limits.speed", "40 mm/s")
+    show = result.get_by_role("button", name="Show this plan")
+    expect(show).to_have_attribute("aria-disabled", "true")
+    with studio.changing():
+        studio.find("#undo").click()
+
+
 def test_charts_of_a_positioner_name_its_joints(page, folder):
     text = JOB.replace("arm: ur5e\n", "arm:\n  name: ur5e\n" + POSITIONER)
     text = text.replace("[[0.45, -0.03, 0.3], [0.50, -0.03, 0.3], [0.50, 0.03, 0.3]]",

@@ -41,7 +41,8 @@ export const pastOf = (store) => past.get(store.document?.run);
 function remember(store) {
   const figures = store.latest("figures");
   const last = pastOf(store);
-  if (!figures || !store.isCurrent(figures) || figures.rev === last?.rev) return;
+  // The figures of a certified plan are not those of the run.
+  if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
   past.set(figures.head.run, { rev: figures.rev, rows: knownOf(store).rows, before: last?.rows ?? null });
 }
 
@@ -126,6 +127,7 @@ function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "before the refusal" : "refused";
   if (!hasMotion(store)) return "not planned yet";
+  if (store.certificate) return "certified";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 

@@ -33,8 +33,8 @@ export function init(store, link) {
     for (const name of known.keys()) if (id !== shownId || states[name] !== now[name]) known.delete(name);
     [shownId, states] = [id, now];
     when = timeText(new Date());
-    // Frames of the state or the run before say nothing about this one.
-    if (!store.isCurrent(store.latest("picture")) || refusal) return;
+    // Frames of the state or the run before, or of a certified plan, say nothing about this one.
+    if (store.certificate || !store.isCurrent(store.latest("picture")) || refusal) return;
     const { exact, rows } = knownOf(store);
     const isWhole = exact || store.isCurrent(store.latest("executed"));
     known.set(run, isWhole ? rows : new Map([...rows].filter(([name]) => name === "duration")));

@@ -119,6 +119,11 @@ export class Store {
     return this.latest("document")?.head ?? null;
   }
 
+  /** The certificate whose plan is shown; empty for the plan of the run. @returns {string} */
+  get certificate() {
+    return this.latest("picture")?.head.certificate ?? "";
+  }
+
   /** Accept a frame from the server; a frame older than the shown one is dropped. @param {Frame} frame */
   put(frame) {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);

@@ -22,11 +22,7 @@ MAX_PLAN = 200_000_000
 
 def figures(request: Request) -> MessageFrame:
     """Compute the exact figures and the plan of a run, or a refusal with its position."""
-    from armcontour.core.render import frame
-    from armcontour.core.result import VERDICT, Row
-    from armcontour.jobs.rows import with_worst_execution
-    from armcontour.report.arm_frame import nearest_pair
-    from armcontour.studio.plan_frames import Tier, refusal_header, time_header
+    from armcontour.studio.plan_frames import refusal_header
 
     try:
         result = request.result
@@ -38,12 +34,25 @@ def figures(request: Request) -> MessageFrame:
             arm = request.job.arm
         header = refusal_header(error, view, tier=3, run=request.run or "", arm=arm)
         return MessageFrame("refusal", header)
+    plan = pickle.dumps(result)
+    arrays = {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
+    return MessageFrame("figures", exact_figures(request, result), arrays)
+
+
+def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
+    """Make the header of a frame `figures`: the values of a full run."""
+    from armcontour.core.render import frame
+    from armcontour.core.result import VERDICT, Row
+    from armcontour.jobs.rows import with_worst_execution
+    from armcontour.report.arm_frame import nearest_pair
+    from armcontour.studio.plan_frames import Tier, time_header
+
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
     if obstacle is not None:
         row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
         data = replace(data, rows=(*data.rows, row))
-    header = {
+    return {
         "run": result.run.name,
         "tier": Tier.EXACT,
         "rows": frame(data),
@@ -53,10 +62,6 @@ def figures(request: Request) -> MessageFrame:
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
-    plan = pickle.dumps(result)
-    return MessageFrame(
-        "figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
-    )
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
