@@ -283,3 +283,34 @@ def test_a_rail_is_added_in_the_settings(page, folder):
         "name": "ur5e",
         "rail": {"axis": [0, 1, 0], "upper": "1 m", "velocity": "1 m/s", "acceleration": "2 m/s^2"},
     }
+
+
+def test_compare_plans_the_runs_that_were_never_shown(page, folder):
+    runs = "runs: {first: {}, second: {limits: {speed: 25 mm/s}}, third: {duration: 10 ms}}"
+    text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
+    studio = shown(page, folder, text, "never_shown.yaml")
+    studio.choose_run("first")
+    studio.wait("#view2d", run="first")
+    studio.rest()
+    studio.find("#bar [data-opens=runs]").click()
+    second, third = (studio.find(f"#tab-runs tr[data-run={x}]") for x in ("second", "third"))
+    expect(second).to_contain_text("kept")
+    expect(third).to_contain_text("refused")
+    # The key in which they differ has a column, with the value that applies to each.
+    heads = studio.find("#tab-runs thead th").all_inner_texts()
+    cells = [x.inner_text() for x in second.locator("th, td").all()]
+    assert cells[heads.index("speed")] == "25 mm/s"
+    of_first = studio.find("#tab-runs tr[data-run=first]").locator("th, td").all_inner_texts()
+    assert of_first[heads.index("speed")] == "50 mm/s"
+    # Half the speed takes about twice as long.
+    times = [float(x[heads.index("cycle time")].split()[0]) for x in (of_first, cells)]
+    assert 1.8 < times[1] / times[0] < 2.0
+    # After an edit of the job, one button plans them again.
+    studio.tab("process")
+    with studio.changing():
+        studio.type("corners.tolerance", "0.5 mm")
+    studio.tab("runs")
+    expect(second).not_to_contain_text("kept")
+    studio.find("#tab-runs").get_by_role("button", name=re.compile("^Plan ")).click()
+    expect(second).to_contain_text("kept")
+    studio.tab("charts")

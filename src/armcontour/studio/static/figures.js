@@ -30,7 +30,7 @@ const PLACES = {
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
 };
-/** Last exact figures of a run, and those before the change of the job that led to them. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
+/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
 const past = new Map();
 
@@ -43,7 +43,7 @@ function remember(store) {
   const last = pastOf(store);
   // The figures of a certified plan are not those of the run.
   if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
-  past.set(figures.head.run, { rev: figures.rev, rows: knownOf(store).rows, before: last?.rows ?? null });
+  past.set(figures.head.run, { rev: figures.rev, rows: rowsOf(store).rows, before: last?.rows ?? null });
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -55,7 +55,8 @@ function Figure({ name, row, seen, store, exact }) {
   if (name === "kept") looks = row && exact ? verdictOf(row.value, store.theme) : { colour: "var(--quiet)", mark: "" };
   const isChecking = !store.isOffline && (hasMotion(store) || store.latest("executed") !== null);
   const { accuracy } = store.document?.data ?? {};
-  const old = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
+  const last = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
+  const old = last && shownRow(last);
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
@@ -96,18 +97,24 @@ function Advice({ store, link, changes }) {
 
 /**
  * Return the figures of the shown motion: the exact ones if they belong to the picture, otherwise the preview's, which has
- * no verdict.
+ * no verdict. Their texts are in the units of the server.
  * @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}}
  */
-export function knownOf(store) {
+export function rowsOf(store) {
   const figures = store.latest("figures");
   const exact = store.isCurrent(figures);
   const executed = store.refusal ? null : store.latest("executed")?.head;
   const known = exact ? [figures?.head] : [store.latest("picture")?.head, executed];
-  const rows = new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, shownRow(row)]));
+  const rows = new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row]));
   // A preview checks no collisions, and its grid is coarse.
   if (!exact) rows.delete("kept");
   return { exact, executed, rows };
+}
+
+/** Return the figures of the shown motion as they are shown, see `rowsOf`. @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}} */
+export function knownOf(store) {
+  const { rows, ...more } = rowsOf(store);
+  return { ...more, rows: new Map([...rows].map(([name, row]) => [name, shownRow(row)])) };
 }
 
 /** Return the time per limit: the exact one if it belongs to the picture. @param {Store} store @returns {any} */
@@ -165,11 +172,7 @@ export function init(store, link) {
   });
   for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, soon);
   for (const event of ["picture", "executed"]) store.on(event, nowAndThen(READING, update));
-  // Figures of the other unit are not comparable.
-  inches.subscribe(() => {
-    past.clear();
-    soon();
-  });
+  inches.subscribe(soon);
   /** Tell screen readers the verdict when it no longer changes, at most once a second. */
   const speak = () => {
     const { rows } = knownOf(store);

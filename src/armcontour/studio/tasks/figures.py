@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.progress import subprogress
 from armcontour.report.message_frame import MessageFrame, bytes_array
 from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
@@ -62,6 +63,21 @@ def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
+
+
+def compare(request: Request) -> MessageFrame:
+    """Compute the exact figures of several runs, named in the option `runs`, or why they fail."""
+    names = request.option("runs", [])
+    if not isinstance(names, list) or not set(map(str, names)) <= set(request.data["runs"]):
+        raise InvalidInput("The option runs of the task compare must be a list of names of runs.")
+    rows = []
+    for name in map(str, names):
+        one = replace(request, run=name, progress=subprogress(request.progress, f"run {name}"))
+        try:
+            rows.append(exact_figures(one, one.result))
+        except ArmContourError as error:
+            rows.append({"run": name, "sentence": str(error)})
+    return MessageFrame("result", {"runs": rows})
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
