@@ -245,6 +245,32 @@ def test_the_plan_of_a_certificate_is_shown_and_exported_by_one_click(page, fold
         studio.find("#undo").click()
 
 
+# Records the cells and the notes that the 3D view shows.
+CELLS = """region => {
+    window.cells = [];
+    const record = () => {
+        const canvas = region.querySelector("canvas");
+        const seen = getComputedStyle(canvas).visibility === "visible";
+        window.cells.push([region.dataset.cell, seen]);
+    };
+    const wished = {attributes: true, attributeFilter: ["data-cell"]};
+    new MutationObserver(record).observe(region, wished);
+}"""
+
+
+def test_no_old_cell_is_shown_while_another_job_is_opened(page, folder):
+    studio = shown(page, folder, JOB, "old_cell.yaml")
+    studio.rest()
+    studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.wait_for("#view3d canvas")
+    studio.wait("#view3d", cell="UR5e")
+    studio.find("#view3d").evaluate(CELLS)
+    shown(page, folder, JOB.replace("ur5e", "ur10e"), "new_cell.yaml")
+    studio.wait("#view3d", cell="UR10e")
+    cells = studio.page.evaluate("window.cells")
+    assert cells == [["", False], ["UR10e", True]]
+
+
 def test_charts_of_a_positioner_name_its_joints(page, folder):
     text = JOB.replace("arm: ur5e\n", "arm:\n  name: ur5e\n" + POSITIONER)
     text = text.replace("[[0.45, -0.03, 0.3], [0.50, -0.03, 0.3], [0.50, 0.03, 0.3]]",

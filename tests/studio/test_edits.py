@@ -25,8 +25,9 @@ from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.scene_file import SceneModel, scene_of
 from armcontour.studio.description import shown_values, slider_rows
 from armcontour.studio.edits import EDITS, changes_of
-from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.edits.layout import tilt_ignored, tilt_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
+from armcontour.studio.preview import CoarsePlanner
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -510,6 +511,32 @@ def test_tilting_the_tool_works_for_every_form_of_orientation(orientation):
         assert (tilt["angle"], tilt["towards"]) == pytest.approx(expected, abs=1e-6)
     (form,) = (x for x in ("axis", "rpy", "quaternion", "follow_tangent") if x in orientation)
     assert list(new["path"]["orientation"]) == [form]
+
+
+DOWN = {"orientation": {"axis": [0, 0, -1]}}
+
+
+@pytest.mark.parametrize(
+    ("columns", "values", "keys", "is_ignored"),
+    [
+        (",ax,ay,az", ",0,0,-1", DOWN, True),
+        (",ax,ay,az", ",0,0,-1", {}, True),
+        ("", "", DOWN, False),
+    ],
+)
+def test_a_tilt_that_the_file_overrides_is_refused(columns, values, keys, is_ignored, tmp_path):
+    table = f"x [mm],y [mm],z [mm]{columns}\n450,0,200{values}\n480,0,200{values}\n"
+    (tmp_path / "points.csv").write_text(table)
+    data = {**load(ROBOT, ""), "path": {"file": "points.csv", **keys}}
+    job = CoarsePlanner(tmp_path).job(data)
+    state = EditState(data=data, run="own", handles=handles_of(job, data))
+    edit = {"do": "tilt", "angle": "10"}
+    assert (tilt_ignored(job, data) is not None) == is_ignored
+    if not is_ignored:
+        assert changes_of(edit, state)
+        return
+    with pytest.raises(InvalidInput, match=r"points\.csv"):
+        changes_of(edit, state)
 
 
 def test_lists_of_numbers_are_typed_as_text_or_numbers():

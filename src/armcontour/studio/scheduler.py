@@ -410,6 +410,10 @@ class Scheduler:
                 )
                 if results.planned is None and results.drawn is not program:
                     self._send_outline(state)
+            if results.sent_parts is None:
+                # Pages show the new cell, although its job has no plan.
+                with contextlib.suppress(ArmContourError):
+                    self._show_arm(state, self.previewer.job(state.data, state.run))
         self._deliver(frame, state)
 
     # Exact figures and tasks

@@ -31,7 +31,7 @@ from armcontour.studio.certified_plans import CertifiedPlan, CertifiedPlans
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import CHANGED, Document
 from armcontour.studio.editor import Editor, Revision
-from armcontour.studio.handles import drawing_view, has_no_edges, is_blank
+from armcontour.studio.handles import drawing_view, is_blank
 from armcontour.studio.model_reader import (
     ModelReader,
     ModelSource,
@@ -469,8 +469,7 @@ class Session:
         if is_blank(revision.data):
             self.scheduler.forget()
             self.send(drawing_frame(None, view, run=editor.run))
-            if has_no_edges(revision.data["path"]):
-                self.send(arm_frame(handles.job))
+            self.send(arm_frame(handles.job))
             return
         self.scheduler.show(
             DocumentState(

@@ -4,7 +4,8 @@ import { styleOf, verdictOf } from "./colours.js";
 import { Changes } from "./components.js";
 import { find, say } from "./dom.js";
 import { difference, fixed, NONE, whole } from "./format.js";
-import { timeOf, worstTime } from "./polylines.js";
+import { worstTime } from "./motion.js";
+import { timeOf } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { inches, shownRow, shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
@@ -25,7 +26,7 @@ const NAMES = { kept: "verdict", duration: "motion" };
 const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
 /** Figures that can show their place in the motion: the times of the largest error and the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
-  off_drawing: (store) => worstTime(store.latest("executed")),
+  off_drawing: worstTime,
   kept: (store) => store.refusal?.head.at?.t,
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
@@ -67,7 +68,9 @@ function Figure({ name, row, seen, store, exact }) {
     hidden: !seen && !NAMES[name], style: `color: ${isRefused ? "var(--refusal)" : looks.colour}`,
   };
   if (!place) return html`<div ...${shared}>${content}</div>`;
-  return html`<button type="button" title="Show its place" onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
+  const t = place(store);
+  const title = t === undefined ? "Its place follows with the figures of this plan" : "Show its place";
+  return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
 }
 
 /** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */

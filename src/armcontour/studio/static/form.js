@@ -425,11 +425,14 @@ function Any({ f, at, label }) {
   return html`<${Leaf} f=${f} at=${at} label=${label} />`;
 }
 
+/** Names of one item of a list, where the name of the list has no regular plural. @type {Record<string, string>} */
+const SINGULAR = { axes: "axis", analog: "analog output" };
+
 /** A list of mappings. @param {Props} props */
 function List({ f, at }) {
   const count = useComputed(() => writtenAt(at).written?.length ?? 0);
   const fields = f.items ?? [];
-  const one = f.name.replace(/(es|s)$/, "");
+  const one = SINGULAR[f.name] ?? f.name.replace(/s$/, "");
   // Required keys of an item get an example, which the user changes.
   const first = (/** @type {Field} */ x) => x.choices?.[0] ?? x.example ?? (x.list ? ["100 mm", "100 mm", "100 mm"] : `${one} ${count.value + 1}`);
   const add = () => send(at, [{ do: "set", key: [...at, count.value], insert: true, value: Object.fromEntries(fields.filter((x) => x.needed).map((x) => [x.name, first(x)])) }]);
@@ -474,7 +477,8 @@ function Tilt() {
   };
   return html`${Object.entries(texts).map(([name, [label, text]]) => html`<div class="setting" data-key=${name === "angle" ? "tilt" : "tilt-towards"} onFocusIn=${() => (help.value = text)} onFocusOut=${unhelp}>
     <label for=${`tilt-${name}`} title=${text}>${label}</label><span class="from">deg</span>
-    <${Entry} id=${`tilt-${name}`} title=${text} value=${String(Number(tilt[name].toFixed(6)))} send=${(/** @type {string} */ value) => send(["tilt"], [{ do: "tilt", [name]: value }])} />
+    <${Entry} id=${`tilt-${name}`} title=${tilt.why_not ?? text} disabled=${Boolean(tilt.why_not)} value=${String(Number(tilt[name].toFixed(6)))} send=${(/** @type {string} */ value) => send(["tilt"], [{ do: "tilt", [name]: value }])} />
+    ${name === "towards" && (tilt.why_not || tilt.note) && html`<p class="quiet about">${tilt.why_not || tilt.note}</p>`}
     ${name === "angle" && html`<${Refusal} at=${["tilt"]} />`}
   </div>`)}`;
 }

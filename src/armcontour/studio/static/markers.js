@@ -4,8 +4,7 @@ import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
 import { headOf } from "./figures.js";
 import { NEAREST } from "./legend.js";
-import { comparedExecution, isWorking } from "./motion.js";
-import { worstTime } from "./polylines.js";
+import { comparedExecution, isWorking, worstTime } from "./motion.js";
 import { along, indexAt } from "./state.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -61,9 +60,9 @@ class Marks {
     const executed = comparedExecution(this.store);
     const isShown = executed && isWorking(executed, time);
     this.tool.toggleAttribute("hidden", !isShown);
-    const isWorstShown = executed && this.store.options.colour === "error";
-    this.largest.toggleAttribute("hidden", !isWorstShown);
-    if (isWorstShown) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worstTime(executed))));
+    const worst = this.store.options.colour === "error" ? worstTime(this.store) : undefined;
+    this.largest.toggleAttribute("hidden", !executed || worst === undefined);
+    if (executed && worst !== undefined) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worst)));
     if (isShown) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 

@@ -130,8 +130,8 @@ def _proved(result: RunResult) -> str:
 def export(request: Request) -> MessageFrame:
     """Export set-points or the plan.
 
-    Options: `format`, `of` (set_points, planned, learned or certified), `cycle` [s]. `certified` are
-    the set-points of `request.plan`, which a certificate proves.
+    Options: `format`, `of` (set_points, planned, learned or certified), `cycle` [s]. `certified`
+    exports the set-points of `request.plan`, which a certificate proves.
     """
     from armcontour.files.exports.export_checks import check_export
     from armcontour.files.exports.export_table import make_table
