@@ -298,8 +298,10 @@ class ArmView {
     // Next to the drawing, the drawing or the messages show the sentence.
     if (contactsOf(this.store).length > 0) return "";
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
-    const { nearest, obstacle_t: near } = headOf(this.store);
-    const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
+    const { nearest, obstacle_t: toObstacle, own_links_t: ownLinks } = headOf(this.store);
+    const times = { obstacle: toObstacle, own_links: ownLinks, "clearance.low": nearest?.t };
+    const [name = ""] = Object.entries(times).find(([, t]) => t === this.store.time) ?? [];
+    const pair = knownOf(this.store).rows.get(name);
     if (pair) return `Nearest here: ${pair.note}, ${textOf(pair)}`;
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";

@@ -19,17 +19,18 @@ const MOST_ADVISED = 2;
 /** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
 /** Figures in display order; the duration of a run is between them. */
-const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["clearance.low", "obstacle", "contour_error.rms", "saturated"]];
+const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["obstacle", "own_links", "clearance.low", "contour_error.rms", "saturated"]];
 /** Names of figures that are shown before their values are known, or for a refused job. @type {Record<string, string>} */
 const NAMES = { kept: "verdict", duration: "motion" };
 /** For each figure, whether a value is an alarm. @type {Record<string, (value: any) => boolean>} */
-const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
+const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0, own_links: (low) => low <= 0 };
 /** Figures that can show their place in the motion: the times of the largest error and the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
   off_drawing: worstTime,
   kept: (store) => store.refusal?.head.at?.t,
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
+  own_links: (store) => headOf(store).own_links_t,
 };
 /** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
@@ -152,8 +153,9 @@ export function init(store, link) {
     const { exact: isCurrent, rows } = knownOf(store);
     const exact = !store.isOffline && isCurrent;
     for (const [name, row] of rows) seen.set(name, row);
-    // Without obstacles, the distance to them is not defined.
-    if (exact && !rows.has("obstacle")) seen.delete("obstacle");
+    // Distances to obstacles and between own links are shown apart; without obstacles there is one distance.
+    const absent = rows.has("obstacle") ? ["clearance.low"] : ["obstacle", "own_links"];
+    if (exact) for (const name of absent) seen.delete(name);
     region.classList.toggle("stale", !exact);
     region.dataset.exact = String(exact);
     const figure = (/** @type {string} */ name) => html`<${Figure} key=${name} name=${name} row=${rows.get(name)} seen=${seen.get(name)} store=${store} exact=${exact} />`;

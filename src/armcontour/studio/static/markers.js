@@ -6,6 +6,7 @@ import { headOf } from "./figures.js";
 import { NEAREST } from "./legend.js";
 import { comparedExecution, isWorking, worstTime } from "./motion.js";
 import { along, indexAt } from "./state.js";
+import { shownText } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -91,7 +92,7 @@ class Marks {
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);
     if (i < 0) return this.leave();
     this.store.setTime(picture.arrays.path_t[i]);
-    say(this.tip, sentenceAt(picture, i));
+    say(this.tip, shownText(sentenceAt(picture, i)));
     this.tip.hidden = false;
     this.view.putBeside(this.tip, [x, y]);
   }
@@ -127,12 +128,12 @@ function pointOf(picture, t, s) {
 function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const limit = picture.head.limits[binding[i]];
-  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
+  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)} mm/s` : "";
   const why = limit && (limit.kind === "assigned velocity" ? "; the assigned speed is reached" : `; held back by: ${limit.name}`);
   const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
   const slow = isSlow ? ", the slowest around here" : "";
   const contour = contourLabel(picture.head.contours[indexAt(picture.arrays.path_breaks, i)]);
-  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why ?? ""}.`;
+  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)} mm/s${wished}${slow}${why ?? ""}.`;
 }
 
 /** @param {Store} store @param {import("./connection.js").Link} _link @param {import("./pointer.js").Pointer} pointer */

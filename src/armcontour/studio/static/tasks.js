@@ -4,6 +4,7 @@ import { formats, init as showCertified } from "./certified.js";
 import { find, mark, say } from "./dom.js";
 import { known } from "./form.js";
 import { timeText } from "./format.js";
+import { lengthUnit } from "./length_unit.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { addResult, markOutdated, Outcome, results } from "./results.js";
 import { touchOptions, TouchTable } from "./touches.js";
@@ -29,8 +30,8 @@ const isOpen = signal(false);
 const tasks = () => [
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
-    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }],
-    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
+    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: `${lengthUnit().unit}, or as in the job` }],
+    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance * lengthUnit().factor } : {}),
   },
   {
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",

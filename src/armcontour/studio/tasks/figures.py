@@ -50,14 +50,20 @@ def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
 
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
+    own = _nearest_links(request, result)
+    pairs = [("obstacle", "to the obstacles", obstacle), ("own_links", "between own links", own)]
     if obstacle is not None:
-        row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
-        data = replace(data, rows=(*data.rows, row))
+        # Without obstacles, the clearance is between the arm's own bodies.
+        near = [
+            Row(x, pair.low, "m", label, pair.bodies, VERDICT) for x, label, pair in pairs if pair
+        ]
+        data = replace(data, rows=(*data.rows, *near))
     return {
         "run": result.run.name,
         "tier": Tier.EXACT,
         "rows": frame(data),
         "obstacle_t": obstacle and obstacle.t,
+        "own_links_t": own and own.t,
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
         "warnings": data.warnings,
@@ -91,6 +97,14 @@ def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance 
     pairs = () if result.clearance is None else result.clearance.pairs
     with_obstacle = (x for x in pairs if names & {x.first, x.second})
     return min(with_obstacle, key=lambda x: x.high, default=None)
+
+
+def _nearest_links(request: Request, result: RunResult) -> PairClearance | None:
+    """Return the nearest pair of the arm's own bodies: links, tool and external axes."""
+    names = set() if request.job.scene is None else {x.name for x in request.job.scene.obstacles}
+    pairs = () if result.clearance is None else result.clearance.pairs
+    own = (x for x in pairs if not names & {x.first, x.second})
+    return min(own, key=lambda x: x.high, default=None)
 
 
 def changes(request: Request) -> MessageFrame:
