@@ -163,10 +163,12 @@ def test_lengths_are_shown_in_inches_on_demand():
         ["typedField", "1, 2", "m"],
         ["typedField", "2", "1/s"],
         ["shownUnit", "mm/s"],
+        ["shownText", "< 0.001 mm"],
+        ["lengthText", 0.0254],
     ]
     metric = compute(UNITS, {"inches": False, "calls": calls})
     same = [calls[0][1], calls[1][1], row, {**row, "unit": "s"}]
-    assert metric == [*same, *(x[1] for x in calls[4:])]
+    assert metric == [*same, *(x[1] for x in calls[4:-1]), "25.400 mm"]
     shown = compute(UNITS, {"inches": True, "calls": calls})
     assert shown[0] == "at 10 in/s, 1 in and 50 mm²; 0.197 in"
     assert shown[1] == calls[1][1]
@@ -175,4 +177,8 @@ def test_lengths_are_shown_in_inches_on_demand():
     position = [float(x.removesuffix(" in")) * 25.4 for x in shown[4].split(", ")]
     assert position == pytest.approx([420, -20, 100], rel=1e-4)
     assert shown[5] == "1.9685 in/s" and shown[6] == "1" and shown[7] == "auto"
-    assert shown[8:] == ["2 in/s", "2 mm", "1 in, 2 in", "2", "in/s"]
+    # A bound has no more digits than before.
+    assert shown[8:] == [
+        *("2 in/s", "2 mm", "1 in, 2 in", "2", "in/s", "< 0.00004 in"),
+        "1.0000 in",
+    ]
