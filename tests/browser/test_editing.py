@@ -5,7 +5,6 @@ import hashlib
 import ezdxf
 import pytest
 from playwright.sync_api import expect
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -26,21 +25,12 @@ runs: {own: {}}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("rings")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
+def drawings(folder):
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
     for k in range(4):
         drawing.modelspace().add_circle((24 * k, 20), 9 - k, dxfattribs={"layer": "CUT"})
     drawing.saveas(folder / "rings.dxf")
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 @pytest.fixture

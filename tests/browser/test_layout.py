@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.text_boxes import small_targets, text_faults
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import serving, write_shapes
+from tools.studio_page import write_shapes
 
 pytestmark = [pytest.mark.browser, needs_dynamics]
 SIZES = ((390, 844), (820, 1180), (1440, 900), (1920, 1080))
@@ -26,22 +26,13 @@ runs: {own: {}}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("layout")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
+def drawings(folder):
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
     for k in range(4):
         layer = {"layer": "CUT" if k % 2 else "MARKING"}
         drawing.modelspace().add_circle((24 * k, 0), 8 - k, dxfattribs=layer)
     drawing.saveas(folder / "plate.dxf")
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 def check(studio, where):

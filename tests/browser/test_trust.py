@@ -5,7 +5,6 @@ import re
 import pytest
 from playwright.sync_api import expect
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -36,19 +35,6 @@ POSITIONER = """\
          velocity: 90 deg/s, acceleration: 100 deg/s^2}
   preferences: {turn: {hold: 0 deg}}
 """
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("cells")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 def shown(page, folder, text, name="other.yaml"):
