@@ -14,6 +14,14 @@ from tests.browser.conftest import (
 )
 
 __all__ = [
-    *("browser", "drawings", "folder", "job", "judge", "page", "pages", "server", "state"),
+    "browser",
+    "drawings",
+    "folder",
+    "job",
+    "judge",
+    "page",
+    "pages",
+    "server",
+    "state",
     "studio",
 ]
