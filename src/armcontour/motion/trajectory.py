@@ -433,7 +433,7 @@ class Trajectory(Checked):
             first += count
         times[-1] = self.duration
         # The times are in order, because rounded sums are; sorting millions of times takes seconds.
-        return times[np.append(True, times[1:] > times[:-1])]
+        return np.asarray(times[np.append(True, times[1:] > times[:-1])])
 
     @property
     def smooth_breaks(self) -> FloatArray:
