@@ -24,6 +24,7 @@ from armcontour.files.job_file import assemble_job, job_scene
 from armcontour.files.job_model import ArmModel, JobModel, PathModel
 from armcontour.files.job_path import (
     is_model,
+    limited_path,
     part_of,
     placed_path,
     read_drawing,
@@ -321,10 +322,15 @@ class CoarsePlanner:
                 drawing=self._read_drawing(model.path, unplaced),
             ),
         )
+        placed = self._cache.get(
+            "placing",
+            (drawn, _part(data)),
+            lambda: placed_path(model.path, drawn, arm.dimension),
+        )
         path = self._cache.get(
             "path",
-            (drawn, _part(data), data["path"].get("contours")),
-            lambda: placed_path(model.path, drawn, arm.dimension),
+            (placed, data["path"].get("contours")),
+            lambda: limited_path(model.path, placed),
         )
         return arm, path
 
