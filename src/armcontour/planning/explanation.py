@@ -15,6 +15,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.memory import content_key, is_remembering, remembered
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.core.text import limit_label
@@ -217,17 +218,23 @@ class Explanation(Result):
     @property
     def shares(self) -> tuple[LimitShare, ...]:
         """Time of each limit and each kind of move, the longest first; the sum is the duration."""
-        sums: dict[tuple[str, str], FloatArray] = {}
+        # Length [m], time [s] and number of the parts, by kind and name of the limit.
+        sums: dict[tuple[str, str], list[float]] = {}
         for binding in self.bindings:
             if binding.limit == "nothing":
                 key = (BETWEEN, BETWEEN)
             else:
                 key = (binding.limit, binding.name)
-            part = np.array([binding.s[1] - binding.s[0], binding.t[1] - binding.t[0], 1.0])
-            sums[key] = sums.get(key, np.zeros(3)) + part
-        length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
+            part = sums.setdefault(key, [0.0, 0.0, 0.0])
+            part[0] += binding.s[1] - binding.s[0]
+            part[1] += binding.t[1] - binding.t[0]
+            part[2] += 1.0
+        length = sum(x[0] for x in sums.values())
+        time = sum(x[1] for x in sums.values())
         time += sum(map(sum, self.idle.values()))
-        rows = [(*key, *x.tolist()) for key, x in sums.items()]
+        rows: list[tuple[str, str, float | None, float, float]] = []
+        for (kind, name), part in sums.items():
+            rows.append((kind, name, part[0], part[1], part[2]))
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         limit_shares = []
         for kind, name, part_length, t, count in rows:
@@ -268,6 +275,21 @@ def explain(
         InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped", or it was
             stretched, so that no limit is active.
     """
+    return explain_all(trajectory, arm, limits, constraints=constraints)
+
+
+def explain_all(
+    trajectory: Trajectory,
+    arm: Arm | Any | None = None,
+    limits: Limits | None = None,
+    *,
+    constraints: Sequence[Constraint] = (),
+    progress: Progress | None = None,
+) -> Explanation:
+    """Explain a plan as `explain` does.
+
+    `progress`: called after every contour with the step "explanation" and the fraction done.
+    """
     arm = arm_of(trajectory, arm)
     if trajectory.speed_factor != 1.0:
         raise InvalidInput(
@@ -295,11 +317,13 @@ def explain(
     if is_remembering():
         key = arm, content_key(bounds), *constraints
     parts = []
-    for t, s, law in laws:
+    for k, (t, s, law) in enumerate(laws, start=1):
         part = remembered(
             ("explanation", law, *key), partial(_explain_law, law, arm, bounds, constraints)
         )
         parts.append(part.moved(t, s))
+        if progress is not None:
+            progress(contour_step("explanation", k, len(laws)))
     explanation = _join(parts)
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:

@@ -102,9 +102,7 @@ def round_corners(
         """Round the corners of one path."""
         if callable(tolerance):
             return round_path(path, tolerance=tolerance(path), **options)
-        return remembered(
-            (*key, path), lambda: round_path(path, tolerance=tolerance, **options)
-        )
+        return remembered((*key, path), lambda: round_path(path, tolerance=tolerance, **options))
 
     if isinstance(path, Path):
         rounded_path = rounded(path)

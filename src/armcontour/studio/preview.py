@@ -230,14 +230,32 @@ class CoarsePlanner:
         self._start = preview.start
         return preview
 
-    def exact(self, data: Mapping[str, Any], planned: RunResult) -> Preview:
-        """Plan of a full run by the task process; the next previews have its configuration."""
-        job = self.job(data, planned.run.name)
+    def shown(self, job: Job, planned: RunResult, tier: Tier) -> Preview:
+        """Return the plan of a full run as a preview."""
         below = None if planned.clearance else below_base(job, planned.trajectory)
-        preview = Preview.from_plan(planned, job=job, tier=Tier.EXACT, below_base=below)
+        return Preview.from_plan(planned, job=job, tier=tier, below_base=below)
+
+    def follow(self, data: Mapping[str, Any], start: FloatArray) -> None:
+        """Begin the next plans at the start of a full run, in its configuration.
+
+        `start`: joint positions [rad], (dof,).
+        """
         self._arm = data["arm"]
-        self._start = preview.start
-        return preview
+        self._start = start
+
+    def is_full(self, data: Mapping[str, Any], run: str | None = None) -> bool:
+        """Return whether a preview takes as long as the plan of the full run.
+
+        With many contours, the full run has no finer grid.
+        """
+        job = self.job(data, run)
+        (job_run,) = job.runs
+        if job.process.is_partial or job_run.is_shaped:
+            return False
+        few = intervals_of(job.program)
+        return isinstance(job_run.timing, Optimal) and (
+            job_run.timing.intervals is not None or (few is not None and few <= INTERVALS)
+        )
 
     def execute(self, planned: Preview) -> PreviewExecution:
         """Simulate a plan, and compute its contour errors; full runs are already simulated."""

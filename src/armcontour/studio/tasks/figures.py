@@ -1,14 +1,14 @@
-"""Tasks that compute the exact figures of a run, and advice."""
+"""Tasks that show a run: picture of its plan, exact figures and execution; and advice."""
 
 from __future__ import annotations
 
-import pickle
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.report.message_frame import MessageFrame, bytes_array
+from armcontour.core.progress import Step
+from armcontour.report.message_frame import MessageFrame
 from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
 
@@ -16,28 +16,58 @@ if TYPE_CHECKING:
     from armcontour.jobs import RunResult
     from armcontour.verification.clearance import PairClearance
 
-# Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
-MAX_PLAN = 200_000_000
+
+def picture(request: Request) -> MessageFrame:
+    """Draw the plan of a run, or return a refusal with its position.
+
+    If the figures are not known yet, the plan has no check of collisions.
+    """
+    from armcontour.studio.plan_frames import picture_frame
+
+    try:
+        preview = request.preview
+    except ArmContourError as error:
+        return _refusal(request, error, tier=1)
+    request.progress(Step(("drawing",)))
+    return picture_frame(preview, request.view)
+
+
+def executed(request: Request) -> MessageFrame:
+    """Draw the execution of a run whose figures are known; without one if it takes too long."""
+    from armcontour.studio.execution_frame import execution_frame
+
+    preview = request.preview
+    if not request.previewer.may_execute(preview):
+        return MessageFrame("omitted")
+    return execution_frame(request.previewer.execute(preview), request.view)
+
+
+def _refusal(request: Request, error: ArmContourError, *, tier: int) -> MessageFrame:
+    """Make the frame of an error; `tier` as for `refusal_header`."""
+    from armcontour.studio.plan_frames import refusal_header
+
+    view = arm = None
+    # If the data are not a valid job, there is no picture in which to mark a position.
+    with suppress(InvalidInput):
+        view = request.view
+        arm = request.job.arm
+    header = refusal_header(error, view, tier=tier, run=request.run or "", arm=arm)
+    return MessageFrame("refusal", header)
 
 
 def figures(request: Request) -> MessageFrame:
-    """Compute the exact figures and the plan of a run, or a refusal with its position."""
+    """Compute the exact figures of a run, or return a refusal with its position."""
     from armcontour.core.render import frame
     from armcontour.core.result import VERDICT, Row
     from armcontour.jobs.rows import with_worst_execution
     from armcontour.report.arm_frame import nearest_pair
-    from armcontour.studio.plan_frames import Tier, refusal_header, time_header
+    from armcontour.studio.plan_frames import Tier, time_header
 
     try:
         result = request.result
     except ArmContourError as error:
-        view = arm = None
-        # If the data are not a valid job, there is no picture in which to mark a position.
-        with suppress(InvalidInput):
-            view = request.view
-            arm = request.job.arm
-        header = refusal_header(error, view, tier=3, run=request.run or "", arm=arm)
-        return MessageFrame("refusal", header)
+        return _refusal(request, error, tier=3)
+    request.progress(Step(("figures",)))
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
     if obstacle is not None:
@@ -53,10 +83,7 @@ def figures(request: Request) -> MessageFrame:
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
-    plan = pickle.dumps(result)
-    return MessageFrame(
-        "figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
-    )
+    return MessageFrame("figures", header)
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
