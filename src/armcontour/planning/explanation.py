@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -120,7 +120,8 @@ class LimitShare:
     count: int  # Number of parts of the path, or of moves
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+# The class has no slots, because `shares` is cached.
+@dataclass(frozen=True, kw_only=True)
 class Explanation(Result):
     """Limits that determine the duration of a plan.
 
@@ -215,26 +216,24 @@ class Explanation(Result):
         """Limit or kind of move with the longest time, with its fraction; None if there is none."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
-    @property
+    @cached_property
     def shares(self) -> tuple[LimitShare, ...]:
         """Time of each limit and each kind of move, the longest first; the sum is the duration."""
-        # Length [m], time [s] and number of the parts, by kind and name of the limit.
+        # Length [m], time [s] and number of parts by kind and name
         sums: dict[tuple[str, str], list[float]] = {}
         for binding in self.bindings:
             if binding.limit == "nothing":
                 key = (BETWEEN, BETWEEN)
             else:
                 key = (binding.limit, binding.name)
-            part = sums.setdefault(key, [0.0, 0.0, 0.0])
-            part[0] += binding.s[1] - binding.s[0]
-            part[1] += binding.t[1] - binding.t[0]
-            part[2] += 1.0
+            total = sums.setdefault(key, [0.0, 0.0, 0.0])
+            total[0] += binding.s[1] - binding.s[0]
+            total[1] += binding.t[1] - binding.t[0]
+            total[2] += 1
         length = sum(x[0] for x in sums.values())
         time = sum(x[1] for x in sums.values())
         time += sum(map(sum, self.idle.values()))
-        rows: list[tuple[str, str, float | None, float, float]] = []
-        for (kind, name), part in sums.items():
-            rows.append((kind, name, part[0], part[1], part[2]))
+        rows: list[Any] = [(*key, *x) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         limit_shares = []
         for kind, name, part_length, t, count in rows:

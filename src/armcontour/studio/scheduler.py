@@ -22,6 +22,7 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import View
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
+from armcontour.studio.certified_plans import CertifiedPlan
 from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.pages import Answers
 from armcontour.studio.plan_frames import (
@@ -108,6 +109,7 @@ class DocumentState:
         answers: Messages that the frames of this state answer.
         request: Function that creates the request for exact figures.
         waypoints: Waypoints in the plane of the picture [m], (n, 2).
+        certified: Certified plan that the pages show instead of that of the run; None for the run.
     """
 
     data: Mapping[str, Any]
@@ -118,6 +120,7 @@ class DocumentState:
     answers: Answers
     request: Callable[[], Mapping[str, Any]]
     waypoints: FloatArray | None = None
+    certified: CertifiedPlan | None = None
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     # Picture without a plan, and its program.
@@ -129,6 +132,11 @@ class DocumentState:
     reported: float | None = field(default=None, init=False)
     # Estimate of the time until the plan or the exact figures are computed.
     time_left: TimeLeft = field(default_factory=lambda: TimeLeft(time.monotonic), init=False)
+
+    def is_same(self, other: DocumentState) -> bool:
+        """Return whether another state shows the same plan, for example to a further page."""
+        is_of_run = self.certified is None and other.certified is None
+        return is_of_run and self.data is other.data and self.run == other.run
 
 
 @dataclass(slots=True, eq=False)
@@ -229,12 +237,13 @@ class Scheduler:
             state.results = self._results
             if old is not None:
                 self._end_progress(old)
-            is_same = old is not None and old.data is state.data and old.run == state.run
-            if self._current is not None and self._current.state is old and not is_same:
+            current = self._current
+            if current is not None and current.state is old and not current.state.is_same(state):
                 # Obsolete work is stopped, because it slows the preview down.
-                self._current.is_stopped = True
+                current.is_stopped = True
                 self._figures_worker.stop(self._figures_id)
-            self._preview_worker.submit(partial(self._show_state, state))
+            show = self._show_state if state.certified is None else self._show_certified
+            self._preview_worker.submit(partial(show, state))
 
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task in the task process; `id` identifies the task for `cancel`."""
@@ -288,6 +297,22 @@ class Scheduler:
         with contextlib.suppress(Superseded):
             self._compute(state, stale)
         self._done.set()
+
+    def _show_certified(self, state: DocumentState, stale: StaleCheck) -> None:
+        """Send the plan of a certificate, its figures and its execution."""
+        assert state.certified is not None
+        plan = state.certified.load()
+        planned = self.previewer.shown(
+            self.previewer.job(state.data, plan.run.name), plan, Tier.CERTIFIED
+        )
+        self.previewer.follow(state.data, planned.start)
+        state.answered = True
+        frame = picture_frame(planned, state.view)
+        self._deliver(frame.stamped(certificate=state.certified.id), state)
+        self._show_arm(state, planned.job)
+        self._deliver(MessageFrame("figures", state.certified.figures), state)
+        if not stale():
+            self._show_execution(state, planned)
 
     def _compute(self, state: DocumentState, stale: StaleCheck) -> None:
         """Show an outline if the plan is slow, then a preview, and request exact figures."""
@@ -421,6 +446,10 @@ class Scheduler:
                 )
                 if results.start is None and results.drawn is not program:
                     self._send_outline(state)
+            if results.sent_parts is None:
+                # Pages show the new cell, although its job has no plan.
+                with contextlib.suppress(ArmContourError):
+                    self._show_arm(state, self.previewer.job(state.data, state.run))
         self._deliver(frame, state)
 
     # Exact figures and tasks
@@ -516,7 +545,9 @@ class Scheduler:
 
     def _show_frame(self, state: DocumentState, frame: MessageFrame) -> None:
         """Send a picture, figures or an execution that the task process has computed."""
-        if frame.kind == "omitted":
+        # While the pages show a certified plan, those of the run are not sent.
+        is_certified = self._newest is not None and self._newest.certified is not None
+        if frame.kind == "omitted" or is_certified:
             return
         is_current = self._deliver(frame, state)
         if is_current and frame.kind == "picture" and state is self._newest:
@@ -526,7 +557,9 @@ class Scheduler:
 
     def _end_showing(self, state: DocumentState, frame: MessageFrame) -> None:
         """Send why a task for a state has no result; nothing if it was stopped."""
-        if frame.kind == "refusal":
+        if self._newest is not None and self._newest.certified is not None:
+            self._end_progress(state)
+        elif frame.kind == "refusal":
             state.answered = True
             if frame.header["tier"] == 1 and state.outline is not None:
                 outline, _ = state.outline

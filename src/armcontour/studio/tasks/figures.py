@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.core.progress import Step
+from armcontour.core.progress import Step, subprogress
 from armcontour.report.message_frame import MessageFrame
 from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
@@ -57,33 +57,58 @@ def _refusal(request: Request, error: ArmContourError, *, tier: int) -> MessageF
 
 def figures(request: Request) -> MessageFrame:
     """Compute the exact figures of a run, or return a refusal with its position."""
+    try:
+        result = request.result
+    except ArmContourError as error:
+        return _refusal(request, error, tier=3)
+    request.progress(Step(("figures",)))
+    return MessageFrame("figures", exact_figures(request, result))
+
+
+def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
+    """Make the header of a frame `figures`: the values of a full run."""
     from armcontour.core.render import frame
     from armcontour.core.result import VERDICT, Row
     from armcontour.jobs.rows import with_worst_execution
     from armcontour.report.arm_frame import nearest_pair
     from armcontour.studio.plan_frames import Tier, time_header
 
-    try:
-        result = request.result
-    except ArmContourError as error:
-        return _refusal(request, error, tier=3)
-    request.progress(Step(("figures",)))
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
+    own = _nearest_links(request, result)
+    pairs = [("obstacle", "to the obstacles", obstacle), ("own_links", "between own links", own)]
     if obstacle is not None:
-        row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
-        data = replace(data, rows=(*data.rows, row))
-    header = {
+        # Without obstacles, the clearance is between the arm's own bodies.
+        near = [
+            Row(x, pair.low, "m", label, pair.bodies, VERDICT) for x, label, pair in pairs if pair
+        ]
+        data = replace(data, rows=(*data.rows, *near))
+    return {
         "run": result.run.name,
         "tier": Tier.EXACT,
         "rows": frame(data),
         "obstacle_t": obstacle and obstacle.t,
+        "own_links_t": own and own.t,
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
-    return MessageFrame("figures", header)
+
+
+def compare(request: Request) -> MessageFrame:
+    """Compute the exact figures of several runs, named in the option `runs`, or why they fail."""
+    names = request.option("runs", [])
+    if not isinstance(names, list) or not set(map(str, names)) <= set(request.data["runs"]):
+        raise InvalidInput("The option runs of the task compare must be a list of names of runs.")
+    rows = []
+    for name in map(str, names):
+        one = replace(request, run=name, progress=subprogress(request.progress, f"run {name}"))
+        try:
+            rows.append(exact_figures(one, one.result))
+        except ArmContourError as error:
+            rows.append({"run": name, "sentence": str(error)})
+    return MessageFrame("result", {"runs": rows})
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
@@ -97,6 +122,14 @@ def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance 
     pairs = () if result.clearance is None else result.clearance.pairs
     with_obstacle = (x for x in pairs if names & {x.first, x.second})
     return min(with_obstacle, key=lambda x: x.high, default=None)
+
+
+def _nearest_links(request: Request, result: RunResult) -> PairClearance | None:
+    """Return the nearest pair of the arm's own bodies: links, tool and external axes."""
+    names = set() if request.job.scene is None else {x.name for x in request.job.scene.obstacles}
+    pairs = () if result.clearance is None else result.clearance.pairs
+    own = (x for x in pairs if not names & {x.first, x.second})
+    return min(own, key=lambda x: x.high, default=None)
 
 
 def changes(request: Request) -> MessageFrame:

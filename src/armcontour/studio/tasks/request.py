@@ -33,6 +33,7 @@ class Request:
         origin: When and of what the result is made, for its file.
         reading: Number of times that the files of documents were read; a request with another
             number reads them again.
+        plan: Pickled plan that a certificate proves, for its export.
         progress: Callback for the progress.
     """
 
@@ -46,6 +47,7 @@ class Request:
     named: Sequence[str] = ()
     origin: str = ""
     reading: int = 0
+    plan: bytes = b""
     progress: Progress = field(default=lambda step: None, compare=False)
 
     @cached_property
