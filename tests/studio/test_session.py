@@ -241,6 +241,25 @@ def test_an_edit_of_one_of_many_contours_stops_the_work_on_the_state_before(many
     assert kinds(tab.frames).count("figures") == before
 
 
+def test_an_undo_continues_what_was_known_of_the_state_before(many):
+    session, tab, lane = many
+    compute(lane)
+    duration = figure(tab.last("picture"), "duration")
+    tab.edit({"do": "set", "key": "limits.speed", "value": "10 mm/s"})
+    lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert [x[1] for x in lane.given] == ["picture", "figures", "picture"]
+    tab.say("undo")
+    # The picture is known; its figures follow when the obsolete task has stopped.
+    assert figure(tab.last("picture"), "duration") == duration
+    assert lane.stopped == [x[0] for x in lane.given[1:]]
+    lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert lane.given[-1][1] == "figures" and len(lane.given) == 4
+    SessionPage(session)
+    assert len(lane.given) == 4 and len(lane.stopped) == 2
+    compute(lane)
+    assert figure(tab.last("figures"), "duration") == duration
+
+
 def test_many_contours_out_of_reach_are_refused_with_the_outline(many):
     _, tab, lane = many
     tab.edit({"do": "set", "key": ["path", "frame", "position"], "value": [9.0, 0.0, 0.0]})

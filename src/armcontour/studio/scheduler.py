@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from threading import Event, RLock
 from typing import Any, TypeAlias
@@ -471,9 +471,8 @@ class Scheduler:
                     self._continue(current, state)
                     return
                 if self._known is not None and self._known.request == showing.request:
-                    showing = replace(
-                        self._known, tasks=[*self._known.tasks], frames=[*self._known.frames]
-                    )
+                    showing.tasks = [*self._known.tasks]
+                    showing.frames = [*self._known.frames]
                     self._continue(showing, state)
                 self._queued = None
                 if not showing.tasks:
