@@ -231,8 +231,7 @@ class Explanation(Result):
             total[1] += binding.t[1] - binding.t[0]
             total[2] += 1
         length = sum(x[0] for x in sums.values())
-        time = sum(x[1] for x in sums.values())
-        time += sum(map(sum, self.idle.values()))
+        time = sum(x[1] for x in sums.values()) + sum(map(sum, self.idle.values()))
         rows: list[Any] = [(*key, *x) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         limit_shares = []
