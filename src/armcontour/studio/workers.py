@@ -140,6 +140,8 @@ class TaskWorker:
         self._running: str | None = None
         self._process: TaskProcess | None = None
         self._is_cancelled = False
+        # Cancels a task that does not stop in time.
+        self._stopping = Timer(0.0, lambda: None)
         self._is_open = True
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
         self._thread.start()
@@ -155,9 +157,10 @@ class TaskWorker:
         with self._news:
             if self._running == id and self._process is not None:
                 self._process.stop(id)
-                late = Timer(MAX_STOPPING, self.cancel, (id,))
-                late.daemon = True
-                late.start()
+                self._stopping.cancel()
+                self._stopping = Timer(MAX_STOPPING, self.cancel, (id,))
+                self._stopping.daemon = True
+                self._stopping.start()
         self._forget(id)
 
     def cancel(self, id: str) -> None:
@@ -203,6 +206,7 @@ class TaskWorker:
                 self._process.kill()
             with self._news:
                 self._running = None
+                self._stopping.cancel()
                 if self._is_cancelled:
                     frame = MessageFrame("cancelled", {})
                 if not self._is_open:
