@@ -101,15 +101,20 @@ def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Itera
 
 
 @contextmanager
-def browsing() -> Iterator[Browser]:
-    """Return a context with a browser."""
+def browsing(*, is_paced: bool = True) -> Iterator[Browser]:
+    """Return a context with a browser.
+
+    `is_paced`: whether pictures wait for the clock of a screen (60 Hz).
+    """
     from playwright.sync_api import sync_playwright
 
     # Chromium has no sandbox for root.
-    rights = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    options = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    if not is_paced:
+        options += ["--disable-frame-rate-limit", "--disable-gpu-vsync"]
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=find_browser(), args=[*rights, "--enable-precise-memory-info"]
+            executable_path=find_browser(), args=[*options, "--enable-precise-memory-info"]
         )
         try:
             yield browser

@@ -35,9 +35,13 @@ class RecordingTaskWorker:
         self.deliver = deliver
         self.given = []
         self.cancelled = []
+        self.stopped = []
 
     def submit(self, id, task, request):
         self.given.append((id, task, request))
+
+    def stop(self, id):
+        self.stopped.append(id)
 
     def cancel(self, id):
         self.cancelled.append(id)

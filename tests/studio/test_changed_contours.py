@@ -9,6 +9,7 @@ import pytest
 import armcontour as ac
 from armcontour.files.job_file import drawing_text, read_job_mapping
 from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.tasks.dispatch import do
 from armcontour.studio.tasks.figures import figures
 from armcontour.studio.tasks.request import Request
 
@@ -105,3 +106,25 @@ def test_exact_figures_of_a_changed_contour_are_those_of_a_run(text, tmp_path):
         shown = {x["name"]: x["value"] for x in frame.header["rows"]}
         assert shown["duration"] == result.trajectory.duration
         assert shown["off_drawing"] == result.to_data()["off_drawing"].value
+
+
+def shown(text, folder, reading):
+    """The frames of a state, by the task process; another reading begins without memory."""
+    request = {"text": text, "folder": str(folder), "reading": reading}
+    return [do(x, request, lambda step: None) for x in ("picture", "figures", "executed")]
+
+
+def test_all_that_is_shown_after_an_edit_is_as_from_a_new_process(text, tmp_path):
+    changed = [
+        text.replace("path:\n", f"path:\n  contours: {{0-2: {{speed: {x} mm/s}}}}\n", 1)
+        for x in (60, 30, 40)
+    ]
+    edited = [shown(x, tmp_path, 1) for x in changed]
+    durations = {str(x[0].header["rows"]) for x in edited}
+    assert len(durations) == 3
+    for number, (one, frames) in enumerate(zip(changed, edited, strict=True), start=2):
+        for frame, expected in zip(frames, shown(one, tmp_path, number), strict=True):
+            assert frame.kind == expected.kind != "refusal"
+            assert frame.header["rows"] == expected.header["rows"]
+            for name, values in expected.arrays.items():
+                np.testing.assert_array_equal(frame.arrays[name], values)

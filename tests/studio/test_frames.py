@@ -1,7 +1,6 @@
 """Message frames of plans and executions."""
 
 import copy
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from armcontour.report.message_frame import TYPES, MessageFrame
 from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.plan_frames import (
     NO_LIMIT,
+    Tier,
     drawing_frame,
     picture_frame,
     refusal_header,
@@ -352,9 +352,9 @@ def whole(data, name, cycle):
 
 
 def exact(previewer, data, name):
-    """The plan of a full run, as the task process gives it."""
-    results = pickle.dumps(run(previewer.job(data, name)).runs[name])
-    return previewer.exact(data, pickle.loads(results))
+    """The plan of a full run, as the task process draws it."""
+    job = previewer.job(data, name)
+    return previewer.shown(job, run(job).runs[name], Tier.EXACT)
 
 
 class TestResults:

@@ -1,7 +1,6 @@
 """The scheduler: order and accuracy of the pictures during and after edits."""
 
 import dataclasses
-import pickle
 from importlib import resources
 
 import numpy as np
@@ -27,9 +26,10 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change
 from armcontour.jobs.run_plan import plan_one
-from armcontour.report.message_frame import MessageFrame, bytes_array
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import scheduler
 from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.tasks import dispatch
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 FAR = {**MOVE, "to": [2.0, 0.15]}
@@ -62,11 +62,23 @@ def tiers(frames):
     return [f"{x.kind} {x.header['tier']}" for x in frames if x.kind in shown]
 
 
-def answer(lane, plan=None, **header):
-    """The task process sends the figures that were requested last."""
-    arrays = {} if plan is None else {"plan": bytes_array(pickle.dumps(plan))}
-    header |= {"id": lane.given[-1][0], "tier": "exact"}
-    lane.deliver(MessageFrame("figures", header, arrays))
+def answer(lane, **header):
+    """The task process sends the figures that were requested last, without pictures."""
+    id, task, _ = lane.given[-1]
+    assert task == "figures"
+    lane.deliver(MessageFrame("figures", {**header, "id": id, "tier": "exact"}))
+    while lane.given[-1][1] in ("picture", "executed") and lane.given[-1][0] != id:
+        id = lane.given[-1][0]
+        lane.deliver(MessageFrame("omitted", {"id": id}))
+
+
+def compute(lane, *tasks):
+    """The task process computes what was requested last, which are these tasks."""
+    for name in tasks:
+        id, task, request = lane.given[-1]
+        assert task == name
+        frame = dispatch.do(task, request, lambda step: None)
+        lane.deliver(frame.stamped(id=id, task=task))
 
 
 def figure_requests(lane):
@@ -86,7 +98,7 @@ def test_the_picture_after_the_last_edit_is_that_of_a_full_run(opened, run):
     coarse = figure(tab.last("picture"), "duration")
     assert coarse != want.duration
     assert run == "shaped" or coarse == pytest.approx(want.duration, rel=1e-3)
-    answer(lane, result)
+    compute(lane, "figures", "picture", "executed")
     assert tab.last("picture")["tier"] == tab.last("executed")["tier"] == "exact"
     assert figure(tab.last("picture"), "duration") == want.duration
     assert figure(tab.last("executed"), "contour_error.rms") == want.contour_error.rms
@@ -133,12 +145,13 @@ def test_previews_follow_the_configuration_of_the_full_run(opened):
     session, tab, lane = opened(SQUARE, preview_worker=RestingWorker)
     planned = session.scheduler.planned
     job = dataclasses.replace(planned.job, seed=planned.start + [0, 0, 0, 0, 0, np.pi / 2])
-    other = plan_one(job, job.runs[0], clear=False)
-    answer(lane, other)
-    assert session.scheduler.planned.start == pytest.approx(other.trajectory(0.0))
+    other = plan_one(job, job.runs[0], clear=False).trajectory(0.0)
+    lane.deliver(MessageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(MessageFrame("picture", {"id": lane.given[-1][0]}, {"q": other[None]}))
+    lane.deliver(MessageFrame("omitted", {"id": lane.given[-1][0]}))
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
-    assert session.scheduler.planned.start == pytest.approx(other.trajectory(0.0), abs=1e-6)
-    assert abs(session.scheduler.planned.start - planned.start).max() > 1
+    assert session.scheduler.start == pytest.approx(other, abs=1e-6)
+    assert abs(session.scheduler.start - planned.start).max() > 1
 
 
 class Nested(RestingWorker):

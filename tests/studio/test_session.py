@@ -1,5 +1,7 @@
 """A session: pages, their messages, gestures, and undo."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from tests.studio.session_pages import (
@@ -15,6 +17,7 @@ from tests.studio.session_pages import (
 from tools.studio_page import write_shapes
 
 import armcontour as ac
+from armcontour.files.job_file import drawing_text
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
@@ -22,6 +25,7 @@ from armcontour.studio.pages import without_options
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import SchedulerOptions
 from armcontour.studio.session import Session
+from armcontour.studio.tasks import dispatch
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")
@@ -178,24 +182,122 @@ def test_page_opened_after_refusal_shows_outline_and_refusal(session, tab):
     assert len(refusal.arrays["objective"]) == 3 and refusal.header["at"]["uv"]
 
 
-def test_a_program_with_many_contours_is_drawn_before_it_is_planned(tmp_path, monkeypatch):
+@pytest.fixture
+def many(tmp_path):
+    """A session of a drawing with 120 contours, its page, and the worker of its figures."""
     file = write_shapes(tmp_path / "shapes.dxf", 120, 12, 8.0, 2.5)
     document = Document.of_drawing(file, "ur5e")
     previewer = CoarsePlanner(document.folder)
     options = SchedulerOptions(RestingWorker, RecordingTaskWorker, 0.0)
     session = Session(document, previewer, scheduling=options)
     tab = SessionPage(session)
-    shown = []
-
-    def plan(self, *data, **how):
-        shown.extend(x for x in tab.frames if x.kind == "picture")
-        raise ac.Unreachable("too far")
-
-    monkeypatch.setattr(CoarsePlanner, "plan", plan)
     session.begin()
+    yield session, tab, RecordingTaskWorker.last
     session.close()
-    assert shown[0].header["tier"] == "outline"
-    assert len(shown[0].arrays["objective_breaks"]) == 121
+
+
+def compute(lane):
+    """The task process does what was requested last; returns the name of the task."""
+    id, task, request = lane.given[-1]
+    frame = dispatch.do(task, request, lambda step: None)
+    lane.deliver(frame.stamped(id=id, task=task))
+    return task
+
+
+def test_many_contours_are_drawn_at_once_and_planned_by_the_task_process(many):
+    session, tab, lane = many
+    drawing = tab.last("picture")
+    assert drawing["tier"] == "outline" and len(drawing["contours"]) == 120
+    assert "executed" not in kinds(tab.frames) and session.scheduler.planned is None
+    assert tab.last("arm")
+    tasks = [compute(lane) for _ in range(3)]
+    assert tasks == ["picture", "figures", "executed"] == [x[1] for x in lane.given]
+    assert kinds(tab.frames)[-4:] == ["picture", "figures", "progress", "executed"]
+    # The plan of the picture is that of the figures, and the page keeps the picture.
+    durations = [figure(tab.last(x), "duration") for x in ("picture", "figures")]
+    assert durations[0] == durations[1] > 0
+    times = [x["t"] for x in tab.last("picture")["contours"]]
+    assert len(times) == 120 and all(before[1] <= after[0] for before, after in pairwise(times))
+
+
+def test_an_edit_of_one_of_many_contours_stops_the_work_on_the_state_before(many):
+    _, tab, lane = many
+    compute(lane)
+    duration = figure(tab.last("picture"), "duration")
+    name = tab.last("picture")["contours"][4]["name"]
+    change = {"do": "set", "key": ["path", "contours", name, "speed"], "value": "1 mm/s"}
+    running = lane.given[-1]
+    assert running[1] == "figures"
+    tab.edit(change)
+    assert lane.stopped == [running[0]] and len(lane.given) == 2
+    lane.deliver(MessageFrame("cancelled", {"id": running[0]}))
+    assert compute(lane) == "picture"
+    # The speed of the other contours is that of the job.
+    assert figure(tab.last("picture"), "duration") > duration
+    assert tab.last("picture")["seq"] == tab.seq and lane.given[-1][1] == "figures"
+    # Frames of the state before are not sent any more.
+    before = kinds(tab.frames).count("figures")
+    lane.deliver(MessageFrame("figures", {"id": running[0]}))
+    assert kinds(tab.frames).count("figures") == before
+
+
+def test_an_undo_continues_what_was_known_of_the_state_before(many):
+    session, tab, lane = many
+    compute(lane)
+    duration = figure(tab.last("picture"), "duration")
+    tab.edit({"do": "set", "key": "limits.speed", "value": "10 mm/s"})
+    lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert [x[1] for x in lane.given] == ["picture", "figures", "picture"]
+    tab.say("undo")
+    # The picture is known; its figures follow when the obsolete task has stopped.
+    assert figure(tab.last("picture"), "duration") == duration
+    assert lane.stopped == [x[0] for x in lane.given[1:]]
+    lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert lane.given[-1][1] == "figures" and len(lane.given) == 4
+    SessionPage(session)
+    assert len(lane.given) == 4 and len(lane.stopped) == 2
+    compute(lane)
+    assert figure(tab.last("figures"), "duration") == duration
+
+
+def test_many_contours_out_of_reach_are_refused_with_the_outline(many):
+    _, tab, lane = many
+    tab.edit({"do": "set", "key": ["path", "frame", "position"], "value": [9.0, 0.0, 0.0]})
+    lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+    assert compute(lane) == "picture"
+    refusal = next(x for x in reversed(tab.frames) if x.kind == "refusal")
+    assert refusal.header["error"] == "Unreachable" and refusal.header["tier"] == 1
+    assert len(refusal.arrays["objective_breaks"]) == 121
+    assert lane.given[-1][1] == "picture", "a refused plan has no figures"
+
+
+def test_another_page_gets_what_is_known_of_many_contours(many):
+    session, _, lane = many
+    compute(lane)
+    count = len(lane.given)
+    late = SessionPage(session)
+    assert late.last("picture")["tier"] == "preview"
+    assert len(lane.given) == count and not lane.stopped
+    compute(lane)
+    assert figure(late.last("figures"), "duration") > 0
+
+
+def test_files_are_read_again_by_the_task_process(tmp_path):
+    drawing = write_shapes(tmp_path / "shapes.dxf", 3, 12, 8.0, 2.5)
+    job_file = tmp_path / "job.yaml"
+    job_file.write_text(drawing_text("ur5e", drawing, tmp_path))
+    session = session_of(job_file, RestingWorker, rest=0.0)
+    lane = RecordingTaskWorker.last
+    tab = SessionPage(session)
+    session.begin()
+    for count in (3, 2):
+        write_shapes(drawing, count, 12, 8.0, 2.5)
+        tab.say("reload")
+        lane.deliver(MessageFrame("cancelled", {"id": lane.given[-1][0]}))
+        assert compute(lane) == "figures"
+        (expected,) = ac.run(ac.read_job(job_file)).runs.values()
+        assert figure(tab.last("figures"), "duration") == expected.trajectory.duration
+    session.close()
 
 
 def test_an_invalid_job_is_shown_as_text_and_can_be_corrected(file):

@@ -4,8 +4,10 @@ from threading import Condition, Event
 
 import pytest
 from tests.studio.session_pages import figure
+from tools.studio_page import write_shapes
 
 from armcontour.core.pool import ProcessEnded
+from armcontour.files.job_file import drawing_text
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import workers
 from armcontour.studio.tasks.dispatch import WARMUP_JOB
@@ -81,6 +83,9 @@ class Process:
             raise ProcessEnded("It has ended.")
         return MessageFrame("result", {})
 
+    def stop(self, id):
+        """It does not listen."""
+
     def kill(self):
         self.killed.set()
 
@@ -127,3 +132,36 @@ def test_a_real_process_does_one_task_after_the_other():
     assert heard.wait("b", "result").header["name"].endswith(".html")
     assert "but is 'bake'" in heard.wait("c", "failed").header["sentence"]
     lane.close()
+
+
+def test_a_stopped_task_leaves_its_process_with_what_it_remembers(tmp_path):
+    text = drawing_text("ur5e", write_shapes(tmp_path / "a.dxf", 30, 6, 8.0, 2.5), tmp_path)
+    request = {"text": text, "folder": str(tmp_path)}
+    heard = Heard()
+    lane = TaskWorker(heard)
+    lane.submit("a", "picture", request)
+    heard.wait("a", "progress")
+    process = lane._process
+    lane.stop("a")
+    # A task that still waits is taken from the queue.
+    lane.submit("b", "picture", request)
+    lane.submit("c", "figures", {"text": WARMUP_JOB})
+    heard.wait("a", "cancelled")
+    lane.stop("b")
+    heard.wait("b", "cancelled")
+    heard.wait("c", "figures")
+    assert lane._process is process and not process.is_killed
+    lane.submit("d", "picture", request)
+    assert len(heard.wait("d", "picture").header["contours"]) == 30
+    lane.close()
+
+
+def test_a_task_that_does_not_stop_is_killed(lane, monkeypatch):
+    lane, heard = lane
+    monkeypatch.setattr(workers, "MAX_STOPPING", 0.01)
+    lane.submit("a", "long", {})
+    heard.wait("a", "progress")
+    lane.stop("a")
+    heard.wait("a", "cancelled")
+    lane.submit("b", "short", {})
+    heard.wait("b", "result")

@@ -69,7 +69,7 @@ def path_of(
             in the plane.
     """
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
-    return placed_path(model, unplaced, dimension)
+    return limited_path(model, placed_path(model, unplaced, dimension))
 
 
 def unplaced_path(
@@ -105,12 +105,18 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(NOT_PLANAR)
     if isinstance(path, Program) or model.frame is not None:
-        path = path.placed(frame)
-    return _set_contour_limits(Program.from_path(path), model) if model.contours else path
+        return path.placed(frame)
+    return path
 
 
-def _set_contour_limits(program: Program, model: PathModel) -> Program:
-    """Return the program with the speeds, tolerances and order of the key `path.contours`."""
+def limited_path(model: PathModel, path: Path | Program) -> Path | Program:
+    """Return a placed path with the speeds, tolerances and order of the key `path.contours`.
+
+    Contours without these values stay the same objects.
+    """
+    if not model.contours:
+        return path
+    program = Program.from_path(path)
     key_of_contour, notes = find_contours(program, model)
     moves = list[Move](program.moves)
     for i, move in enumerate(moves):

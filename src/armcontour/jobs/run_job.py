@@ -61,13 +61,34 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
         report = subprogress(progress, each.name)
         with error_context(f"Run {each.name}"):
             planned = _plan(job, each, list(done.values()), report)
-            report(Step(("compensation",)))
-            set_points = compute_set_points(job, each, planned.trajectory)
-            result = replace(planned, set_points=set_points, servo=job.servo)
+            result = _add_set_points(job, planned, report)
             if simulate:
                 result = _simulate(job, result, plants.get(each.name), report)
             done[each.name] = result
     return JobResult(job=job, runs=MappingProxyType(done))
+
+
+def complete_run(job: Job, unchecked: RunResult, progress: Progress | None = None) -> RunResult:
+    """Execute the rest of a run as `run` does: check its plan for collisions, and simulate it.
+
+    - `job`: the job, with only this run; it is not resumed.
+    - `unchecked`: the plan of `plan_one` without a check of collisions.
+    """
+    plants = _plants(job, True)
+    (run,) = job.runs
+    report = subprogress(progress, run.name)
+    with error_context(f"Run {run.name}"):
+        with explained_reach(job):
+            planned = plan_one(job, run, report, unchecked=unchecked)
+        result = _add_set_points(job, planned, report)
+        return _simulate(job, result, plants.get(run.name), report)
+
+
+def _add_set_points(job: Job, planned: RunResult, progress: Progress) -> RunResult:
+    """Add the set-points to the plan of a run."""
+    progress(Step(("compensation",)))
+    set_points = compute_set_points(job, planned.run, planned.trajectory)
+    return replace(planned, set_points=set_points, servo=job.servo)
 
 
 def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> RunResult:
@@ -109,13 +130,16 @@ def _simulate(
     executed = simulate_run(job, planned.set_points)
     progress(Step(("evaluation",)))
     evaluation = evaluate_run(run, executed, path, objective, progress)
+    expected = expect_errors(job, run, executed, path, evaluation)
+    explanation = planned.explanation or explain_plan(job, planned.trajectory, progress)
+    progress(Step(("clearance",)))
     result = replace(
         planned,
         execution=executed,
         evaluation=evaluation,
-        expected=expect_errors(job, run, executed, path, evaluation),
+        expected=expected,
         executed_clearance=_executed_clearance(job, planned, executed),
-        explanation=planned.explanation or explain_plan(job, planned.trajectory),
+        explanation=explanation,
     )
     if plant is None:
         return result

@@ -257,9 +257,11 @@ def _warn_of_slow_leads(result: RunRecord) -> str:
             ("begins", begin, begin, "right"),
             ("ends", end, path.length - end, "left"),
         ):
+            if lead <= REPEATED_POINT:
+                continue
             assigned = float(path.assigned_speeds(run.limits.speed, s, side=side))
             speed = float(motion.speed_at(s, side=side))
-            if lead > REPEATED_POINT and speed < assigned * (1 - SAME_SPEED) < np.inf:
+            if speed < assigned * (1 - SAME_SPEED) < np.inf:
                 words = f"{name} {word} at {number(speed, 'm/s')} instead of "
                 words += f"{number(assigned, 'm/s')}, with a lead of {number(lead, 'm')}"
                 slow_ends.append((speed / assigned, words))

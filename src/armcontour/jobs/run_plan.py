@@ -37,11 +37,11 @@ from armcontour.planning import (
     Explanation,
     Tracing,
     at_speed,
-    explain,
     intervals_of,
     plan,
     trace_program,
 )
+from armcontour.planning.explanation import explain_all
 from armcontour.program import (
     Contour,
     Event,
@@ -82,6 +82,7 @@ def plan_one(
     path: Program | None = None,
     clear: bool = True,
     resumption: Resumption | None = None,
+    unchecked: RunResult | None = None,
 ) -> RunResult:
     """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
@@ -89,11 +90,16 @@ def plan_one(
     - `path`: the objective with rounded corners, if known.
     - `clear`: whether to avoid collisions.
     - `resumption`: configuration of a resumed `objective`.
+    - `unchecked`: the plan without `clear`, if known; not for a resumed job.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
     report = subprogress(progress)
+    if unchecked is not None and unchecked.traced is not None:
+        return time_clear(
+            job, run, unchecked.objective, unchecked.traced, report, fastest=unchecked
+        )
     if objective is None:
         resumption = find_resumption(job, run, report, clear=clear)
         objective = prepare_program(job, run, report, resumption)
@@ -172,11 +178,13 @@ def explained_reach(job: Job) -> Iterator[None]:
         raise explain_reach(error, job) from None
 
 
-def explain_plan(job: Job, trajectory: Trajectory) -> Explanation | None:
+def explain_plan(
+    job: Job, trajectory: Trajectory, progress: Progress | None = None
+) -> Explanation | None:
     """Find the active limits along a plan; None if it is not optimal, or was stretched."""
     if trajectory.method is not Method.OPTIMAL or trajectory.speed_factor != 1.0:
         return None
-    return explain(trajectory, job.arm)
+    return explain_all(trajectory, job.arm, progress=progress)
 
 
 def prepare_program(
@@ -439,10 +447,17 @@ def time_clear(
     traced: Tracing,
     progress: Progress,
     resumption: Resumption | None = None,
+    fastest: RunResult | None = None,
 ) -> RunResult:
-    """Plan along the first of several alternative joint paths that is collision-free."""
+    """Plan along the first of several alternative joint paths that is collision-free.
+
+    `fastest`: the plan along `traced`, if known.
+    """
     for candidate, notes in alternatives(job, run, traced, progress, resumption):
-        planned = time_run(job, run, objective, candidate, progress)
+        if fastest is not None and candidate is traced:
+            planned = fastest
+        else:
+            planned = time_run(job, run, objective, candidate, progress)
         progress(Step(("clearance",)))
         clearance = clearance_of(job, planned.trajectory)
         planned = dataclasses.replace(

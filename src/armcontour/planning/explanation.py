@@ -15,6 +15,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.memory import content_key, is_remembering, remembered
+from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
 from armcontour.core.text import limit_label
@@ -272,6 +273,21 @@ def explain(
         InvalidInput: The trajectory is not a plan of the method "optimal" or "shaped", or it was
             stretched, so that no limit is active.
     """
+    return explain_all(trajectory, arm, limits, constraints=constraints)
+
+
+def explain_all(
+    trajectory: Trajectory,
+    arm: Arm | Any | None = None,
+    limits: Limits | None = None,
+    *,
+    constraints: Sequence[Constraint] = (),
+    progress: Progress | None = None,
+) -> Explanation:
+    """Explain a plan as `explain` does.
+
+    `progress`: called after every contour with the step "explanation" and the fraction done.
+    """
     arm = arm_of(trajectory, arm)
     if trajectory.speed_factor != 1.0:
         raise InvalidInput(
@@ -299,11 +315,13 @@ def explain(
     if is_remembering():
         key = arm, content_key(bounds), *constraints
     parts = []
-    for t, s, law in laws:
+    for k, (t, s, law) in enumerate(laws, start=1):
         part = remembered(
             ("explanation", law, *key), partial(_explain_law, law, arm, bounds, constraints)
         )
         parts.append(part.moved(t, s))
+        if progress is not None:
+            progress(contour_step("explanation", k, len(laws)))
     explanation = _join(parts)
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:

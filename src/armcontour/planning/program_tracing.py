@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
-from armcontour.core.memory import content_key, is_remembering, recall, remember, remembered
+from armcontour.core.memory import content_key, is_remembering, remembered
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
@@ -538,13 +538,18 @@ def _with_known_paths(program: Program) -> Program:
     moves = list(program.moves)
     for i, move in enumerate(moves):
         if isinstance(move, Contour):
-            key = "path", content_key(move.path)
-            known = recall(key)
-            if known is None:
-                remember(key, move.path)
-            else:
-                moves[i] = move if known is move.path else replace(move, path=known)
+            # The key of the same object is known, because computing it takes long.
+            moves[i] = _with_known_path(move)
     return replace(program, moves=tuple(moves))
+
+
+def _with_known_path(contour: Contour) -> Contour:
+    """Return a contour whose path is the known object with the same contents, if there is one."""
+    path = contour.path
+    # The key of the same object is remembered, because computing it takes long.
+    content = remembered(("content", path), lambda: content_key(path))
+    known = remembered(("path", content), lambda: path)
+    return contour if known is path else replace(contour, path=known)
 
 
 def _is_same(path: Path, other: Path) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
+from armcontour.core.memory import remembered
 from armcontour.core.text import count_noun
 from armcontour.geometry import Path
 from armcontour.geometry.path import cut_path, start_at
@@ -381,6 +382,16 @@ def close_contour(
     - `led`: true if a rapid, dwell or event of the program leads to the start of the contour.
     - `outputs`: values before the contour.
     """
+    used = process.begin, process.passes, process.overlap, led, *outputs.items()
+    return remembered(
+        ("closed", contour, *used), lambda: _close_contour(contour, process, led, outputs)
+    )
+
+
+def _close_contour(
+    contour: Contour, process: Process, led: bool, outputs: Mapping[str, Value]
+) -> Contour:
+    """Close a contour as `close_contour` does, without a memory."""
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap

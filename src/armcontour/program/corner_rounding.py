@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
-from typing import Literal, TypeAlias, get_args, overload
+from typing import Any, Literal, TypeAlias, get_args, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import checked, texts_to_si
+from armcontour.core.memory import content_key, is_remembering, remembered
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, round_path
@@ -87,16 +88,21 @@ def round_corners(
     speed = texts_to_si(speed, Quantity("m/s", "50 mm/s"), "speed")
     acceleration = texts_to_si(acceleration, Quantity("m/s^2", "1 m/s^2"), "acceleration")
 
+    options: dict[str, Any] = {
+        "speed": speed,
+        "acceleration": acceleration,
+        "angular_tolerance": angular_tolerance,
+        "curve": "smooth" if continuity == "curvature" else "arc",
+    }
+    key: tuple[Hashable, ...] = ()
+    if is_remembering():
+        key = "rounded", content_key((None if callable(tolerance) else tolerance, options))
+
     def rounded(path: Path) -> RoundedPath:
         """Round the corners of one path."""
-        return round_path(
-            path,
-            tolerance=tolerance(path) if callable(tolerance) else tolerance,
-            speed=speed,
-            acceleration=acceleration,
-            angular_tolerance=angular_tolerance,
-            curve="smooth" if continuity == "curvature" else "arc",
-        )
+        if callable(tolerance):
+            return round_path(path, tolerance=tolerance(path), **options)
+        return remembered((*key, path), lambda: round_path(path, tolerance=tolerance, **options))
 
     if isinstance(path, Path):
         rounded_path = rounded(path)

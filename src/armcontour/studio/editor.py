@@ -68,6 +68,8 @@ class Editor:
         self.uploads = Uploads()
         self.named: tuple[FilePath, ...] = ()
         self.rev = 1
+        # Number of times that the files of documents were read.
+        self.reading = 0
         self.run = ""
         # Run that is shown again if the shown one no longer exists, as after undo.
         self._run_before = ""
@@ -90,7 +92,7 @@ class Editor:
         """Edit another document; raises InvalidInput if its data are not a valid job."""
         before = self.previewer.folder
         self.previewer.folder = document.folder
-        self.previewer.forget()
+        self.read_again()
         runs = self.run, self._run_before
         # The runs of the other document are not those of this one, even with the same names.
         self.run = self._run_before = ""
@@ -101,6 +103,11 @@ class Editor:
             raise state.error or InvalidInput("The document is not a valid job.")
         self.document = document
         self._count_revision(state)
+
+    def read_again(self) -> None:
+        """Forget what was read from files, because they may have changed."""
+        self.previewer.forget()
+        self.reading += 1
 
     @property
     def id(self) -> str:
@@ -230,6 +237,7 @@ class Editor:
             "named": [str(x) for x in self.named],
             "options": dict(options),
             "logs": self.uploads.find_logs(options.get("logs") or []),
+            "reading": self.reading,
         }
 
     def _count_revision(self, state: JobState | None = None) -> None:

@@ -24,6 +24,7 @@ from armcontour.files.job_file import assemble_job, job_scene
 from armcontour.files.job_model import ArmModel, JobModel, PathModel
 from armcontour.files.job_path import (
     is_model,
+    limited_path,
     part_of,
     placed_path,
     read_drawing,
@@ -229,16 +230,32 @@ class CoarsePlanner:
         self._start = preview.start
         return preview
 
-    def exact(
-        self, data: Mapping[str, Any], planned: RunResult, tier: Tier = Tier.EXACT
-    ) -> Preview:
-        """Plan of a full run by the task process; the next previews have its configuration."""
-        job = self.job(data, planned.run.name)
+    def shown(self, job: Job, planned: RunResult, tier: Tier) -> Preview:
+        """Return the plan of a full run as a preview."""
         below = None if planned.clearance else below_base(job, planned.trajectory)
-        preview = Preview.from_plan(planned, job=job, tier=tier, below_base=below)
+        return Preview.from_plan(planned, job=job, tier=tier, below_base=below)
+
+    def follow(self, data: Mapping[str, Any], start: FloatArray) -> None:
+        """Begin the next plans at the start of a full run, in its configuration.
+
+        `start`: joint positions [rad], (dof,).
+        """
         self._arm = data["arm"]
-        self._start = preview.start
-        return preview
+        self._start = start
+
+    def is_full(self, data: Mapping[str, Any], run: str | None = None) -> bool:
+        """Return whether a preview takes as long as the plan of the full run.
+
+        With many contours, the full run has no finer grid.
+        """
+        job = self.job(data, run)
+        (job_run,) = job.runs
+        if job.process.is_partial or job_run.is_shaped:
+            return False
+        few = intervals_of(job.program)
+        return isinstance(job_run.timing, Optimal) and (
+            job_run.timing.intervals is not None or (few is not None and few <= INTERVALS)
+        )
 
     def execute(self, planned: Preview) -> PreviewExecution:
         """Simulate a plan, and compute its contour errors; full runs are already simulated."""
@@ -323,10 +340,15 @@ class CoarsePlanner:
                 drawing=self._read_drawing(model.path, unplaced),
             ),
         )
+        placed = self._cache.get(
+            "placing",
+            (drawn, _part(data)),
+            lambda: placed_path(model.path, drawn, arm.dimension),
+        )
         path = self._cache.get(
             "path",
-            (drawn, _part(data), data["path"].get("contours")),
-            lambda: placed_path(model.path, drawn, arm.dimension),
+            (placed, data["path"].get("contours")),
+            lambda: limited_path(model.path, placed),
         )
         return arm, path
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import pickle
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from threading import Event, RLock
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable
 from armcontour.core.progress import Step, TimeLeft
 from armcontour.jobs import Job
-from armcontour.jobs.run_result import RunResult
 from armcontour.program import Program
 from armcontour.report.arm_frame import arm_frame, path_points
 from armcontour.report.message_frame import MessageFrame
@@ -54,14 +54,16 @@ SLOW_PLAN = 0.5
 SLOW_SIMULATION = 0.5
 # Computing time after which a newer state cancels a plan [s].
 MAX_OBSOLETE_PLAN = 0.5
-# Computing time after which a newer state cancels exact figures [s].
-MAX_OBSOLETE_FIGURES = 2.0
 # Delay of the first progress frame [s].
 PROGRESS_DELAY = 0.7
 # Minimum interval of further progress frames [s].
 PROGRESS_INTERVAL = 0.1
 # Tasks that a page can start.
-TASKS = tuple(x for x in dispatch.TASKS if x != "figures")
+TASKS = tuple(x for x in dispatch.TASKS if x not in dispatch.SHOWING)
+# Tasks of a state in their order: figures first if there is a preview, and otherwise the plan, of
+# which the picture does not change when its figures are known.
+AFTER_PREVIEW = ("figures", "picture", "executed")
+WITHOUT_PREVIEW = ("picture", "figures", "executed")
 # Prefix of task identifiers for exact figures, and identifier in a state's progress frames.
 STATE_ID = "#"
 # Values of `state` in progress frames.
@@ -78,7 +80,8 @@ class ShownResults:
     """Newest results of a document that the pages show.
 
     Args:
-        planned: Newest plan; None without one.
+        planned: Newest preview; None without one.
+        start: Joint positions at the start of the newest plan [rad], (dof,); None without one.
         sent_parts: Arm, scene and `path_points` that the pages show.
         plan_times: Computing times of the last two plans [s].
         simulation_time: Computing time of the last simulation of a preview [s].
@@ -86,6 +89,7 @@ class ShownResults:
     """
 
     planned: Preview | None = None
+    start: FloatArray | None = None
     sent_parts: tuple[Arm, Scene | None, list[list[float]] | None] | None = None
     plan_times: tuple[float, float] = (0.0, 0.0)
     simulation_time: float = 0.0
@@ -129,9 +133,34 @@ class DocumentState:
     # Estimate of the time until the plan or the exact figures are computed.
     time_left: TimeLeft = field(default_factory=lambda: TimeLeft(time.monotonic), init=False)
 
+    def is_same(self, other: DocumentState) -> bool:
+        """Return whether another state shows the same plan, for example to a further page."""
+        is_of_run = self.certified is None and other.certified is None
+        return is_of_run and self.data is other.data and self.run == other.run
 
-# State and its request to the task process.
-FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any]]
+
+@dataclass(slots=True, eq=False)
+class Showing:
+    """The tasks of the task process for a state, and the frames that they have made.
+
+    Args:
+        state: State that is shown.
+        request: Fields of the request of all tasks.
+        tasks: Tasks that are not completed, in their order.
+        frames: Frames of the completed tasks, in their order.
+        is_stopped: Whether the running task was asked to stop.
+    """
+
+    state: DocumentState
+    request: Mapping[str, Any]
+    tasks: list[str]
+    frames: list[MessageFrame] = field(default_factory=list)
+    is_stopped: bool = False
+
+    @property
+    def has_figures(self) -> bool:
+        """Whether the exact figures are computed."""
+        return "figures" not in self.tasks
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,21 +205,25 @@ class Scheduler:
         self._done = Event()
         self._preview_worker = options.preview_worker(self._fail)
         self._figures_worker = options.task_worker(self._receive)
-        # Running and queued requests for figures.
-        self._current: FiguresRequest | None = None
-        self._queued: FiguresRequest | None = None
-        # Last request that resulted in figures, and these figures.
-        self._known: tuple[Mapping[str, Any], MessageFrame] | None = None
-        # Number of requests for figures, and time of the last one [s].
+        # Running and queued tasks for states.
+        self._current: Showing | None = None
+        self._queued: Showing | None = None
+        # Last tasks of which one was completed, with their frames.
+        self._known: Showing | None = None
+        # Number of tasks of the figures worker.
         self._count = 0
-        self._requested_at = 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
 
     @property
     def planned(self) -> Preview | None:
-        """Newest plan of the document; None if there is none yet."""
+        """Newest preview of the document; None if there is none yet."""
         return self._results.planned
+
+    @property
+    def start(self) -> FloatArray | None:
+        """Joint positions at the start of the newest plan [rad], (dof,); None if there is none."""
+        return self._results.start
 
     def wait(self) -> None:
         """Wait until the first picture or refusal was sent."""
@@ -204,10 +237,11 @@ class Scheduler:
             state.results = self._results
             if old is not None:
                 self._end_progress(old)
-            obsolete_at = self._requested_at + MAX_OBSOLETE_FIGURES
-            if self._current is not None and obsolete_at < time.monotonic():
-                # Obsolete figures are cancelled, because they slow the preview down.
-                self._figures_worker.cancel(self._figures_id)
+            current = self._current
+            if current is not None and current.state is old and not current.state.is_same(state):
+                # Obsolete work is stopped, because it slows the preview down.
+                current.is_stopped = True
+                self._figures_worker.stop(self._figures_id)
             show = self._show_state if state.certified is None else self._show_certified
             self._preview_worker.submit(partial(show, state))
 
@@ -242,12 +276,7 @@ class Scheduler:
         """Send everything with the next state, because a page has nothing yet."""
         with self._lock:
             # `planned = None`: an error frame also contains the outline, which a new page lacks.
-            self._results.sent_parts = self._results.drawn = self._results.planned = None
-
-    def forget_figures(self) -> None:
-        """Discard the known exact figures, because files of the job may have changed."""
-        with self._lock:
-            self._known = None
+            self._results.sent_parts = self._results.drawn = self._results.start = None
 
     def close(self) -> None:
         """End the task processes and the worker threads."""
@@ -272,7 +301,11 @@ class Scheduler:
     def _show_certified(self, state: DocumentState, stale: StaleCheck) -> None:
         """Send the plan of a certificate, its figures and its execution."""
         assert state.certified is not None
-        planned = self.previewer.exact(state.data, state.certified.load(), Tier.CERTIFIED)
+        plan = state.certified.load()
+        planned = self.previewer.shown(
+            self.previewer.job(state.data, plan.run.name), plan, Tier.CERTIFIED
+        )
+        self.previewer.follow(state.data, planned.start)
         state.answered = True
         frame = picture_frame(planned, state.view)
         self._deliver(frame.stamped(certificate=state.certified.id), state)
@@ -286,12 +319,16 @@ class Scheduler:
         # An error of reach is explained only after the last edit, because that takes long.
         for explain in (False, True):
             try:
-                if min(state.results.plan_times) > SLOW_PLAN or self.previewer.is_long(state.data):
+                is_long = self.previewer.is_long(state.data)
+                if is_long or min(state.results.plan_times) > SLOW_PLAN:
                     self._send_outline(state)
                     self._wait(state, stale)
-                    # The task process computes the figures at the same time as the preview.
-                    self._request_figures(state)
                     self._send_progress(state, Step(("planning",)), at_once=True)
+                if is_long and self.previewer.is_full(state.data, state.run):
+                    # The page answers while another process plans.
+                    self._show_arm(state, self.previewer.job(state.data, state.run))
+                    self._request_figures(state, WITHOUT_PREVIEW)
+                    return
                 self._plan(state, stale, explain)
                 break
             except ArmContourError as error:
@@ -300,7 +337,7 @@ class Scheduler:
                 if not isinstance(error, Unreachable):
                     break
         self._wait(state, stale)
-        self._request_figures(state)
+        self._request_figures(state, AFTER_PREVIEW)
 
     def _plan(self, state: DocumentState, stale: StaleCheck, explain: bool) -> None:
         """Compute and show the preview of a state; `explain`: as for `CoarsePlanner.plan`."""
@@ -327,17 +364,16 @@ class Scheduler:
         self._show_execution(state, planned)
         results.simulation_time = time.thread_time() - started_at
 
-    def _show_exact(self, state: DocumentState, plan: RunResult, stale: StaleCheck) -> None:
-        """Show the plan of the full run, which the task process has computed."""
-        planned = self.previewer.exact(state.data, plan)
-        self._show_plan(state, planned)
-        if not stale():
-            self._show_execution(state, planned)
+    def _follow(self, state: DocumentState, start: FloatArray, stale: StaleCheck) -> None:
+        """Plan the next previews in the configuration of a plan of the task process."""
+        if state.results is self._results:
+            self.previewer.follow(state.data, start)
 
     def _show_plan(self, state: DocumentState, planned: Preview) -> None:
         """Send the picture of a plan, and the arm."""
         state.answered = True
         state.results.planned = planned
+        state.results.start = planned.start
         self._deliver(picture_frame(planned, state.view), state)
         # The arm follows the plan, because computing the triangles of its links can take long.
         self._show_arm(state, planned.job)
@@ -408,7 +444,7 @@ class Scheduler:
                 frame = MessageFrame(
                     "refusal", {**header, "outline": outline.header}, outline.arrays
                 )
-                if results.planned is None and results.drawn is not program:
+                if results.start is None and results.drawn is not program:
                     self._send_outline(state)
             if results.sent_parts is None:
                 # Pages show the new cell, although its job has no plan.
@@ -423,28 +459,44 @@ class Scheduler:
         """Task identifier of the last request for exact figures."""
         return f"{STATE_ID}{self._count}"
 
-    def _request_figures(self, state: DocumentState) -> None:
-        """Request the exact figures of a state; if they are known, send them at once."""
+    def _request_figures(self, state: DocumentState, tasks: Sequence[str]) -> None:
+        """Request the exact figures and pictures of a state; if they are known, send them."""
         with contextlib.suppress(ArmContourError):
-            request = state.request()
+            showing = Showing(state, state.request(), list(tasks))
             with self._lock:
-                if self._known is not None and self._known[0] == request:
+                current = self._current
+                is_running = current is not None and not current.is_stopped
+                if current is not None and is_running and current.request == showing.request:
                     self._queued = None
-                    self._send_figures(state, self._known[1])
-                elif self._current is None:
-                    self._submit_figures(state, request)
-                elif self._current[1] == request:
-                    self._current = state, request
-                elif self._current[0] is not state:
-                    self._queued = state, request
+                    self._continue(current, state)
+                    return
+                if self._known is not None and self._known.request == showing.request:
+                    showing.tasks = [*self._known.tasks]
+                    showing.frames = [*self._known.frames]
+                    self._continue(showing, state)
+                self._queued = None
+                if not showing.tasks:
+                    return
+                if current is None:
+                    self._submit(showing)
+                else:
+                    # The running task is that of an older state, which was stopped.
+                    self._queued = showing
 
-    def _submit_figures(self, state: DocumentState, request: Mapping[str, Any]) -> None:
-        """Submit a request for figures to the task process."""
-        self._current = (state, request)
+    def _submit(self, showing: Showing) -> None:
+        """Submit the next task for a state to the task process."""
+        self._current = showing
         self._queued = None
         self._count += 1
-        self._requested_at = time.monotonic()
-        self._figures_worker.submit(self._figures_id, "figures", dict(request))
+        self._figures_worker.submit(self._figures_id, showing.tasks[0], dict(showing.request))
+
+    def _continue(self, known: Showing, state: DocumentState) -> None:
+        """Answer a state by known frames; the tasks that are left are for this state."""
+        known.state = state
+        for frame in known.frames:
+            self._show_frame(state, frame)
+        if known.has_figures:
+            self._end_progress(state)
 
     def _receive(self, frame: MessageFrame) -> None:
         """Process a frame that a task process has sent."""
@@ -453,8 +505,10 @@ class Scheduler:
             if not task_id.startswith(STATE_ID):
                 self._receive_task_frame(task_id, frame)
             elif self._current is not None and task_id == self._figures_id:
-                state, request = self._current
-                self._receive_state_frame(state, request, frame)
+                if frame.kind == "progress":
+                    self._receive_progress(self._current, frame)
+                else:
+                    self._receive_state_frame(self._current, frame)
 
     def _receive_task_frame(self, task_id: str, frame: MessageFrame) -> None:
         """Send the frame of a task that a page has started to the pages."""
@@ -462,41 +516,60 @@ class Scheduler:
             self._running.discard(task_id)
         self._deliver(frame, None)
 
-    def _receive_state_frame(
-        self, state: DocumentState, request: Mapping[str, Any], frame: MessageFrame
-    ) -> None:
-        """Process a frame about the exact figures of a state: progress, figures or an error."""
-        if frame.kind == "progress":
-            if state.answered:
-                header = frame.header
-                step = Step(tuple(header["steps"]), header["share"], header["part"])
-                self._send_progress(state, step)
-            return
+    def _receive_progress(self, showing: Showing, frame: MessageFrame) -> None:
+        """Send the progress of a task for a state until the exact figures are computed."""
+        header = frame.header
+        if not showing.has_figures:
+            step = Step(tuple(header["steps"]), header["share"], header["part"])
+            self._send_progress(showing.state, step)
+
+    def _receive_state_frame(self, showing: Showing, frame: MessageFrame) -> None:
+        """Process the last frame of a task for a state, and submit the next task."""
+        state = showing.state
         self._current = None
-        if frame.kind == "figures":
-            self._known = request, frame
+        is_shown = frame.kind in (*dispatch.SHOWING, "omitted")
+        if is_shown:
+            self._known = showing
+            del showing.tasks[0]
+            showing.frames.append(frame)
+            self._show_frame(state, frame)
+            if frame.kind == "figures":
+                self._end_progress(state)
+        else:
+            self._end_showing(state, frame)
+        if self._queued is not None:
+            self._submit(self._queued)
+        elif is_shown and showing.tasks and state is self._newest:
+            self._submit(showing)
+
+    def _show_frame(self, state: DocumentState, frame: MessageFrame) -> None:
+        """Send a picture, figures or an execution that the task process has computed."""
+        # While the pages show a certified plan, those of the run are not sent.
+        is_certified = self._newest is not None and self._newest.certified is not None
+        if frame.kind == "omitted" or is_certified:
+            return
+        is_current = self._deliver(frame, state)
+        if is_current and frame.kind == "picture" and state is self._newest:
+            state.answered = True
+            state.results.start = start = np.array(frame.arrays["q"][0])
+            self._preview_worker.submit(partial(self._follow, state, start))
+
+    def _end_showing(self, state: DocumentState, frame: MessageFrame) -> None:
+        """Send why a task for a state has no result; nothing if it was stopped."""
         if self._newest is not None and self._newest.certified is not None:
-            # While the pages show a certified plan, those of the run are not sent.
             self._end_progress(state)
-        elif frame.kind == "figures":
-            self._send_figures(state, frame)
         elif frame.kind == "refusal":
+            state.answered = True
+            if frame.header["tier"] == 1 and state.outline is not None:
+                outline, _ = state.outline
+                header = {**frame.header, "outline": outline.header}
+                frame = MessageFrame("refusal", header, outline.arrays)
             self._deliver(frame, state)
             self._end_progress(state)
         elif frame.kind == "failed":
             # The process has failed, for example because it was killed.
             self._deliver(MessageFrame("notice", {"sentence": frame.header["sentence"]}), state)
             self._end_progress(state)
-        if self._queued is not None:
-            self._submit_figures(*self._queued)
-
-    def _send_figures(self, state: DocumentState, frame: MessageFrame) -> None:
-        """Send exact figures, then show the plan and the execution to which they belong."""
-        is_current = self._deliver(MessageFrame("figures", frame.header), state)
-        self._end_progress(state)
-        if is_current and state is self._newest and "plan" in frame.arrays:
-            plan = pickle.loads(frame.arrays["plan"].tobytes())
-            self._preview_worker.submit(partial(self._show_exact, state, plan))
 
     def _send_progress(self, state: DocumentState, step: Step, *, at_once: bool = False) -> None:
         """Send progress after a delay, then at intervals."""

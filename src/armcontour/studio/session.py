@@ -263,8 +263,7 @@ class Session:
     def do_reload(self, page: Page, message: PageMessage) -> None:
         """Read the file again."""
         # The files that the job names may have changed too.
-        self.editor.previewer.forget()
-        self.scheduler.forget_figures()
+        self.editor.read_again()
         self._origins.read_again()
         self.editor.change(self.editor.document.reload)
         self._show_all()

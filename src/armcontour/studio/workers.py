@@ -5,8 +5,9 @@ from __future__ import annotations
 import gc
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
-from threading import Condition, Thread
+from threading import Condition, Lock, Thread, Timer
 from typing import Any, Protocol, TypeAlias
 
 from armcontour.core.errors import ArmContourError
@@ -23,6 +24,9 @@ class StaleCheck(Protocol):
 
 
 Work: TypeAlias = Callable[[StaleCheck], None]
+# Time within which a task must stop when it is asked to [s]; its process is killed then, and what
+# it remembers is lost.
+MAX_STOPPING = 20.0
 
 
 class PreviewWorker:
@@ -89,6 +93,8 @@ class TaskProcess:
         from loky.backend.process import LokyProcess
 
         self._tasks, other_end = Pipe()
+        # A pipe can be written by one thread at a time only.
+        self._writing = Lock()
         with starting_processes() as (lifeline, self._writer):
             arguments = other_end, lifeline, gc.get_threshold()
             self._process = LokyProcess(target=serve, args=arguments, daemon=True, env=ENVIRONMENT)
@@ -99,13 +105,19 @@ class TaskProcess:
     def run(self, task_input: TaskInput, listener: Callable[[MessageFrame], None]) -> MessageFrame:
         """Run a task and return its final frame; `listener` receives its progress."""
         try:
-            self._tasks.send(task_input)
+            with self._writing:
+                self._tasks.send(task_input)
             while (frame := MessageFrame.unpack(self._tasks.recv_bytes())).kind == "progress":
                 listener(frame)
         except (EOFError, OSError):
             self._process.join()
             raise ProcessEnded.from_reason(f"exit code {self._process.exitcode}") from None
         return frame
+
+    def stop(self, id: str) -> None:
+        """Ask a running task to stop at its next report of progress; the process continues."""
+        with self._writing, suppress(OSError):
+            self._tasks.send(id)
 
     def kill(self) -> None:
         """End the process, including a running task."""
@@ -128,6 +140,8 @@ class TaskWorker:
         self._running: str | None = None
         self._process: TaskProcess | None = None
         self._is_cancelled = False
+        # Cancels a task that does not stop in time.
+        self._stopping = Timer(0.0, lambda: None)
         self._is_open = True
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
         self._thread.start()
@@ -138,14 +152,30 @@ class TaskWorker:
             self._waiting.append(TaskInput(id, task, request))
             self._news.notify()
 
+    def stop(self, id: str) -> None:
+        """Stop a task when it reports progress next, so that its process keeps its results."""
+        with self._news:
+            if self._running == id and self._process is not None:
+                self._process.stop(id)
+                self._stopping.cancel()
+                self._stopping = Timer(MAX_STOPPING, self.cancel, (id,))
+                self._stopping.daemon = True
+                self._stopping.start()
+        self._forget(id)
+
     def cancel(self, id: str) -> None:
         """Cancel a task that is running or waiting."""
         with self._news:
-            is_waiting = any(x.id == id for x in self._waiting)
-            self._waiting = deque(x for x in self._waiting if x.id != id)
             if self._running == id and self._process is not None:
                 self._is_cancelled = True
                 self._process.kill()
+        self._forget(id)
+
+    def _forget(self, id: str) -> None:
+        """Remove a task that is waiting."""
+        with self._news:
+            is_waiting = any(x.id == id for x in self._waiting)
+            self._waiting = deque(x for x in self._waiting if x.id != id)
         if is_waiting:
             self._deliver(MessageFrame("cancelled", {"id": id}))
 
@@ -176,6 +206,7 @@ class TaskWorker:
                 self._process.kill()
             with self._news:
                 self._running = None
+                self._stopping.cancel()
                 if self._is_cancelled:
                     frame = MessageFrame("cancelled", {})
                 if not self._is_open:

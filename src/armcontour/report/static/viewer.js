@@ -19,7 +19,7 @@ const VIEWS = /** @type {Record<string, [number, number]>} */ ({ Part: [-0.9, 0.
 const LABEL = "The arm and the tool's path in space. Arrow keys turn the view, with Shift they move it, + and - zoom.";
 /** Renderers that compute WebGL on the processor. */
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-/** Numbers of pixels in software rendering while something moves, because each pixel takes time; smallest and largest resolution of these. */
+/** Numbers of pixels in software rendering while something moves, because each pixel takes time; smallest and largest resolution of these. With the last one, moving bodies throw no shadows, which take a third of the time. */
 const PIXELS = [200e3, 120e3, 80e3, 50e3];
 const [COARSEST, FINEST] = [0.4, 0.75];
 /** Mean time that pictures wait above which the next smaller number of pixels is used [ms], and the number of pictures of a mean. */
@@ -103,6 +103,8 @@ export class Viewer {
     this.sun.shadow.bias = -0.002;
     this.floor = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ opacity: 0.2 }));
     this.floor.receiveShadow = true;
+    /** Whether a body can throw a shadow on the ground. */
+    this.hasFloor = false;
     this.tip = dot();
     this.alarm = dot();
     /** Lines by whether they are thin: the path, and rapids, which do not hide it. */
@@ -253,7 +255,7 @@ export class Viewer {
     };
     for (const { link, points } of this.corners) for (const x of points) shade(x, this.groups[link].matrix);
     for (const x of this.modelBox) shade(x, this.work);
-    this.floor.visible = low.x < high.x;
+    this.hasFloor = low.x < high.x;
     this.floor.position.set((low.x + high.x) / 2, (low.y + high.y) / 2, this.ground - SUNK);
     this.floor.scale.set(high.x - low.x + SOFT_EDGE, high.y - low.y + SOFT_EDGE, 1);
   }
@@ -614,6 +616,9 @@ export class Viewer {
       this.renderer.setSize(width, height);
       this.eye.aspect = width / height;
     }
+    const hasShadows = !isCoarse || this.coarseness < PIXELS.length - 1;
+    this.sun.castShadow = hasShadows;
+    this.floor.visible = hasShadows && this.hasFloor;
     const away = this.controls.getDistance();
     Object.assign(this.eye, { near: Math.max(0.005, away / 100), far: away + 6 * this.reach });
     Object.assign(/** @type {Fog} */ (this.scene.fog), { near: away + this.reach, far: away + 2.5 * this.reach });
@@ -621,9 +626,10 @@ export class Viewer {
     // While something moves, the shadow is at most one picture old.
     const { shadowMap } = this.renderer;
     const isShadowDue = shadowMap.needsUpdate;
-    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 0;
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && hasShadows && this.frames % 2 === 0;
+    const isShadowDrawn = shadowMap.needsUpdate;
     this.renderer.render(this.scene, this.eye);
-    if (isCoarse) shadowMap.needsUpdate = isShadowDue && this.frames % 2 === 1;
+    if (isCoarse) shadowMap.needsUpdate = isShadowDue && !isShadowDrawn;
     this.frames += 1;
     this.host.dataset.frames = String(this.frames);
     this.drawn();

@@ -14,7 +14,7 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.pool import begin_process
 from armcontour.core.progress import Progress, Step, TimeLeft
 from armcontour.report.message_frame import MessageFrame
-from armcontour.studio.tasks.figures import changes, compare, figures
+from armcontour.studio.tasks.figures import changes, compare, executed, figures, picture
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.measurement import measure
 from armcontour.studio.tasks.request import Request
@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 Listener: TypeAlias = Callable[[bytes], None]
 # Minimum interval of progress frames [s].
 PROGRESS_INTERVAL = 0.1
-# Niceness of the task process, so that previews have priority.
+# Niceness of the process of tasks that a page starts, so that what is shown has priority.
 NICE = 10
+# Tasks of one state of a document, which use the same results.
+SHOWING = ("picture", "figures", "executed")
 # Small job that is computed to load the modules that tasks need.
 WARMUP_JOB = """
 name: small
@@ -37,7 +39,9 @@ servo: {kp: 25, kv: 150}
 runs: {one: {}}
 """
 TASKS: dict[str, Callable[[Request], MessageFrame]] = {
+    "picture": picture,
     "figures": figures,
+    "executed": executed,
     "changes": changes,
     "compare": compare,
     "certify": certify,
@@ -47,6 +51,14 @@ TASKS: dict[str, Callable[[Request], MessageFrame]] = {
     "learn": learn,
     "measure": measure,
 }
+
+
+# Last request of a task in SHOWING, with its results; at most one.
+_shown: list[Request] = []
+
+
+class Stopped(Exception):
+    """Raised to end a task because its result is no longer needed; what is remembered stays."""
 
 
 class TaskInput(NamedTuple):
@@ -66,19 +78,44 @@ class TaskInput(NamedTuple):
 def serve(tasks: Connection, lifeline: Connection, threshold: tuple[int, int, int]) -> None:
     """Run the main loop of the task process: execute tasks and send their frames."""
     begin_process(lifeline, threshold)
-    if hasattr(os, "nice"):
-        os.nice(NICE)
+    is_nice = False
     # The modules that tasks need are loaded now, so that the first task starts sooner.
     figures(Request(text=WARMUP_JOB))
+
+    def stops(id: str) -> bool:
+        """Return whether the task with this identifier must end."""
+        return tasks.poll() and tasks.recv() == id
+
     while True:
-        tasks.send_bytes(work(tasks.recv(), tasks.send_bytes))
+        received = tasks.recv()
+        # A request to stop can arrive after its task has ended.
+        if isinstance(received, str):
+            continue
+        if received.task not in SHOWING and not is_nice and hasattr(os, "nice"):
+            os.nice(NICE)
+            is_nice = True
+        tasks.send_bytes(work(received, tasks.send_bytes, stops))
 
 
-def work(task_input: TaskInput, listener: Listener) -> bytes:
-    """Run a task; returns the encoded final frame, and sends progress to the listener."""
+def work(
+    task_input: TaskInput, listener: Listener, stops: Callable[[str], bool] = lambda id: False
+) -> bytes:
+    """Run a task; returns the encoded final frame, and sends progress to the listener.
+
+    `stops`: returns whether the task must end; called whenever the task reports progress.
+    """
     id, task, request = task_input
+    send = _progress_frames(id, task, listener)
+
+    def report(step: Step) -> None:
+        if stops(id):
+            raise Stopped
+        send(step)
+
     try:
-        frame = do(task, request, _progress_frames(id, task, listener))
+        frame = do(task, request, report)
+    except Stopped:
+        frame = MessageFrame("cancelled")
     except ArmContourError as error:
         frame = MessageFrame("failed", {"sentence": str(error)})
     except Exception as error:
@@ -112,12 +149,30 @@ def _progress_frames(id: str, task: str, listener: Listener) -> Progress:
 def do(task: str, request: Mapping[str, Any], progress: Progress) -> MessageFrame:
     """Run a task and return its frame.
 
-    The task `figures` returns an error of the job as a frame `refusal`; other tasks raise it.
+    The tasks `picture` and `figures` return an error of the job as a frame `refusal`; other tasks
+    raise it.
     """
     if task not in TASKS:
         raise InvalidInput(f"The task must be one of {', '.join(TASKS)}, but is {task!r}.")
     task_request = Request(**request, progress=progress)
+    if task in SHOWING:
+        task_request = _with_results(task_request)
     named = [FilePath(x) for x in task_request.named]
     allowed = [FilePath(x) for x in task_request.allowed]
     with reading_below(allowed, named) if allowed else nullcontext():
-        return TASKS[task](task_request)
+        frame = TASKS[task](task_request)
+    if task == SHOWING[-1]:
+        _shown.clear()
+    return frame
+
+
+def _with_results(request: Request) -> Request:
+    """Return the last request with its results if this one is the same, and keep it."""
+    if request in _shown:
+        (same,) = _shown
+        same.progress = request.progress
+        return same
+    # The results of the previous request are released before new ones are computed.
+    _shown.clear()
+    _shown.append(request)
+    return request

@@ -1,15 +1,14 @@
-"""Tasks that compute the exact figures of a run, and advice."""
+"""Tasks that show a run: picture of its plan, exact figures and execution; and advice."""
 
 from __future__ import annotations
 
-import pickle
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.core.progress import subprogress
-from armcontour.report.message_frame import MessageFrame, bytes_array
+from armcontour.core.progress import Step, subprogress
+from armcontour.report.message_frame import MessageFrame
 from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
 
@@ -17,27 +16,53 @@ if TYPE_CHECKING:
     from armcontour.jobs import RunResult
     from armcontour.verification.clearance import PairClearance
 
-# Maximum size of a plan that the Studio shows [bytes]; for a larger one, it shows the preview.
-MAX_PLAN = 200_000_000
+
+def picture(request: Request) -> MessageFrame:
+    """Draw the plan of a run, or return a refusal with its position.
+
+    If the figures are not known yet, the plan has no check of collisions.
+    """
+    from armcontour.studio.plan_frames import picture_frame
+
+    try:
+        preview = request.preview
+    except ArmContourError as error:
+        return _refusal(request, error, tier=1)
+    request.progress(Step(("drawing",)))
+    return picture_frame(preview, request.view)
+
+
+def executed(request: Request) -> MessageFrame:
+    """Draw the execution of a run whose figures are known; without one if it takes too long."""
+    from armcontour.studio.execution_frame import execution_frame
+
+    preview = request.preview
+    if not request.previewer.may_execute(preview):
+        return MessageFrame("omitted")
+    return execution_frame(request.previewer.execute(preview), request.view)
+
+
+def _refusal(request: Request, error: ArmContourError, *, tier: int) -> MessageFrame:
+    """Make the frame of an error; `tier` as for `refusal_header`."""
+    from armcontour.studio.plan_frames import refusal_header
+
+    view = arm = None
+    # If the data are not a valid job, there is no picture in which to mark a position.
+    with suppress(InvalidInput):
+        view = request.view
+        arm = request.job.arm
+    header = refusal_header(error, view, tier=tier, run=request.run or "", arm=arm)
+    return MessageFrame("refusal", header)
 
 
 def figures(request: Request) -> MessageFrame:
-    """Compute the exact figures and the plan of a run, or a refusal with its position."""
-    from armcontour.studio.plan_frames import refusal_header
-
+    """Compute the exact figures of a run, or return a refusal with its position."""
     try:
         result = request.result
     except ArmContourError as error:
-        view = arm = None
-        # If the data are not a valid job, there is no picture in which to mark a position.
-        with suppress(InvalidInput):
-            view = request.view
-            arm = request.job.arm
-        header = refusal_header(error, view, tier=3, run=request.run or "", arm=arm)
-        return MessageFrame("refusal", header)
-    plan = pickle.dumps(result)
-    arrays = {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
-    return MessageFrame("figures", exact_figures(request, result), arrays)
+        return _refusal(request, error, tier=3)
+    request.progress(Step(("figures",)))
+    return MessageFrame("figures", exact_figures(request, result))
 
 
 def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:

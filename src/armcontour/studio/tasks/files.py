@@ -21,7 +21,7 @@ from armcontour.core.render import cells, frame
 from armcontour.core.result import TABLE, VERDICT, Data, Row
 from armcontour.files.job_model import IDENTIFIED
 from armcontour.report.message_frame import MessageFrame, bytes_array
-from armcontour.studio.tasks.figures import MAX_PLAN, exact_figures
+from armcontour.studio.tasks.figures import exact_figures
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
     from armcontour.jobs.run_learning import LearnedRun
 
+# Maximum size of a certified plan that the Studio shows [bytes].
+MAX_PLAN = 200_000_000
 # Format whose file names must be KRL identifiers.
 KUKA = "kuka"
 # Motions that are exported, by the value of the option `of`, with their names in programs.
