@@ -12,7 +12,7 @@ from armcontour.files.job_patch import IN_RUN, MERGED
 from armcontour.motion import Method
 
 # Methods of a run without such keys.
-DEFAULTS: dict[Keys, str] = {
+DEFAULTS: dict[tuple[str, str], str] = {
     ("timing", "method"): Method.OPTIMAL.value,
     ("compensation", "method"): "default",
     ("corners", "shape"): "sharp",
@@ -56,12 +56,12 @@ def _keys_of(run: Any, data: Mapping[str, Any]) -> dict[str, Any]:
         if name in MERGED and isinstance(value, Mapping) and isinstance(shared, Mapping):
             value = {**shared, **value}
         keys[name] = shared if value is None else value
-    for (name, inner), default in DEFAULTS.items():
-        value = keys[name]
+    for (outer, inner), default in DEFAULTS.items():
+        value = keys[outer]
         if isinstance(value, Mapping):
-            keys[name] = {inner: ROUNDED if name == "corners" else default, **value}
+            keys[outer] = {inner: ROUNDED if outer == "corners" else default, **value}
         else:
-            keys[name] = {inner: default if value is None else value}
+            keys[outer] = {inner: default if value is None else value}
     return {name: x for name, x in keys.items() if x is not None}
 
 
