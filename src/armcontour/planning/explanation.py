@@ -229,8 +229,8 @@ class Explanation(Result):
             total[0] += binding.s[1] - binding.s[0]
             total[1] += binding.t[1] - binding.t[0]
             total[2] += 1
-        length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
-        time += sum(map(sum, self.idle.values()))
+        length = sum(x[0] for x in sums.values())
+        time = sum(x[1] for x in sums.values()) + sum(map(sum, self.idle.values()))
         rows: list[Any] = [(*key, *x) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         limit_shares = []

@@ -56,12 +56,12 @@ def _keys_of(run: Any, data: Mapping[str, Any]) -> dict[str, Any]:
         if name in MERGED and isinstance(value, Mapping) and isinstance(shared, Mapping):
             value = {**shared, **value}
         keys[name] = shared if value is None else value
-    for (outer, inner), default in DEFAULTS.items():
-        value = keys[outer]
+    for (section, inner), default in DEFAULTS.items():
+        value = keys[section]
         if isinstance(value, Mapping):
-            keys[outer] = {inner: ROUNDED if outer == "corners" else default, **value}
+            keys[section] = {inner: ROUNDED if section == "corners" else default, **value}
         else:
-            keys[outer] = {inner: default if value is None else value}
+            keys[section] = {inner: default if value is None else value}
     return {name: x for name, x in keys.items() if x is not None}
 
 
