@@ -238,3 +238,69 @@ def test_every_one_of_many_contours_is_reached_in_the_list(pages, folder):
     studio.page.keyboard.press("ArrowDown")
     assert "218" in studio.page.evaluate("document.activeElement.textContent")
     studio.close()
+
+
+def stops_of(studio):
+    """Press Tab once around the page; returns the element and the group of each stop."""
+    where = """() => {
+        const e = document.activeElement;
+        const { x, y, right, bottom } = e.getBoundingClientRect();
+        const isSeen = right > 0 && bottom > 0 && x < innerWidth && y < innerHeight;
+        return [e.tagName, e.getAttribute("aria-label") || e.title || e.textContent.trim(), isSeen];
+    }"""
+    stops = []
+    for _ in range(90):
+        studio.page.keyboard.press("Tab")
+        stops.append(tuple(studio.page.evaluate(where)))
+        if stops[-1][0] == "BODY":
+            return stops[:-1]
+    raise AssertionError("The Tab key does not come to the end of the page.")
+
+
+def test_tab_key_reaches_all_groups_in_few_steps(pages, folder):
+    # An obstacle that is far from the drawing is not in view.
+    far = (
+        "scene: {obstacles: [{type: box, name: far, size: [20 mm, 20 mm, 20 mm], at: [0, 0.9, 0]}]}"
+    )
+    (folder / "far.yaml").write_text(f"{JOB}{far}\n")
+    studio = pages(size=(1440, 900))
+    studio.begin()
+    studio.open(folder / "far.yaml")
+    studio.rest()
+    studio.find("#view2d").wait_for()
+    studio.find("a.skip").focus()
+    stops = stops_of(studio)
+    assert len(stops) < 45
+    assert all(is_seen for *_, is_seen in stops), [x for x in stops if not x[2]]
+    names = [name for _, name, _ in stops]
+    for part in ("New", "Certify", "Select", "Contours", "Play", "Charts"):
+        assert sum(part in x for x in names) <= 1, part
+    # Arrow keys go around a group, and the group keeps its place.
+    tools = studio.find("#viewbar .tools button")
+    tools.first.focus()
+    for key, index in (("ArrowDown", 1), ("ArrowDown", 2), ("ArrowUp", 1), ("ArrowUp", 0)):
+        studio.page.keyboard.press(key)
+        expect(tools.nth(index)).to_be_focused()
+    studio.page.keyboard.press("ArrowUp")
+    expect(tools.last).to_be_focused()
+    studio.page.keyboard.press("Enter")
+    expect(tools.last).to_have_attribute("aria-pressed", "true")
+    studio.page.keyboard.press("Tab")
+    studio.page.keyboard.press("Shift+Tab")
+    expect(tools.last).to_be_focused()
+    studio.close()
+
+
+def test_choices_are_visible_in_the_colours_of_the_system(pages):
+    studio = begin(pages, (1440, 900))
+    studio.page.emulate_media(forced_colors="active")
+    colour = "e => getComputedStyle(e).backgroundColor"
+    for group in ("#viewbar [aria-label='View']", "#panel .choice", "#viewbar .tools"):
+        pressed = studio.find(f"{group} [aria-pressed=true]").first.evaluate(colour)
+        others = studio.find(f"{group} [aria-pressed=false]").first.evaluate(colour)
+        assert pressed != others, group
+    # The colours of limits are data.
+    keys = {x.evaluate(colour) for x in studio.find(".shares .key").all()}
+    assert len(keys) == studio.find(".shares .key").count() > 1
+    studio.page.emulate_media(forced_colors="none")
+    studio.close()

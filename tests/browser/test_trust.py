@@ -270,6 +270,13 @@ def test_charts_of_a_positioner_name_its_joints(page, folder):
     joints = labels.filter(has_text=re.compile(r"^\s*\d"))
     expect(joints.nth(0)).to_have_text(re.compile(r"^\s*1 turn"))
     expect(joints.nth(1)).to_have_text(re.compile(r"^\s*2 tilt"))
+    # The items of lists have whole names.
+    studio.tab("robot")
+    studio.find("#panel .seek input").fill("axes")
+    titles = studio.find("#panel summary").all_inner_texts()
+    assert {"Axis 1", "Axis 2"} <= {x.partition(" \u00a0")[0].strip()[:6] for x in titles}
+    studio.find("#panel .seek input").fill("")
+    studio.tab("contours")
 
 
 def test_a_rail_is_added_in_the_settings(page, folder):

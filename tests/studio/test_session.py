@@ -77,6 +77,8 @@ NONSENSE = (
     {"op": "task", "id": "#1", "task": "report"},
     {"op": "task", "id": "a", "task": "report", "options": [1]},
     {"op": "restore_draft"},
+    *({"op": "show_certified"}, {"op": "show_certified", "id": "none"}),
+    {"op": "task", "id": "a", "task": "export", "options": {"certificate": [1]}},
     # Half of a character (a lone surrogate), which no frame could hold.
     *({"op": "select", "run": "\ud800"}, {"op": "\udfff", "id": "\ud800"}),
 )

@@ -271,11 +271,21 @@ function fillKeys(box, plots) {
   }
 }
 
+// Share of its height that a wide plot has on paper, so that it fits below the section before it.
+const ON_PAPER = 0.72;
+// Heights of plots on the screen [px].
+const heights = new Map();
+
 // Fit everything visible to the width of the page.
 function fitPage() {
+  const onPaper = document.body.classList.contains("paper");
   for (const [box, plots] of drawn) {
     if (!box.checkVisibility()) continue;
-    for (const u of plots) u.setSize({ width: u.root.parentElement.clientWidth, height: u.height });
+    const share = onPaper && box.style.getPropertyValue("--columns") === "1" ? ON_PAPER : 1;
+    for (const u of plots) {
+      if (!heights.has(u)) heights.set(u, u.height);
+      u.setSize({ width: u.root.parentElement.clientWidth, height: Math.round(share * heights.get(u)) });
+    }
   }
   document.querySelectorAll("svg.drawing").forEach(keepMarks);
   fitBoxes();

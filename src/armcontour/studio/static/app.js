@@ -8,7 +8,7 @@ import { View2d } from "./view2d.js";
 /** Regions, in the order in which they receive events. */
 const REGIONS = [
   "messages", "collision", "theme", "dock", "header", "steps", "figures", "contours", "tool_strip", "placing", "measure", "viewbar", "pen", "markers", "form", "files", "start_page", "keyboard",
-  "obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "touches", "tasks",
+  "obstacles", "part_handle", "tables", "runs", "textpane", "notes", "arm3d", "charts", "playback", "touches", "tasks", "roving",
 ];
 const modules = await Promise.all(REGIONS.map((name) => import(`./${name}.js`)));
 const store = new Store();

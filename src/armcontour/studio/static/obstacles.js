@@ -182,6 +182,10 @@ class Obstacles {
     const label = /** @type {Element} */ (body.lastElementChild);
     say(label, obstacle.name ?? "");
     mark(label, "transform", `translate(${points[0][0].toFixed(1)} ${(Math.max(...points.map((p) => p[1])) + 14).toFixed(1)})`);
+    // What is out of view is no stop of the Tab key; the list of obstacles has it.
+    const { width, height } = this.view.view;
+    const isInView = points.some(([x, y]) => x > 0 && y > 0 && x < width && y < height);
+    for (const grip of [body, sizer]) mark(grip, "tabindex", isInView ? "0" : "-1");
     mark(body, "aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
     mark(body, "aria-valuetext", `at ${at.map((x) => lengthText(x, 1)).join(", ")}`);
     mark(body, "aria-valuenow", String(Math.round(1000 * at[0])));
