@@ -108,7 +108,9 @@ def test_a_woven_seam_with_a_tool_axis_per_waypoint_is_executed_without_a_stop(t
     angles = np.linspace(0, 2 * np.pi, 49)
     rows = ["x [mm],y [mm],z [mm],ax,ay,az"]
     for angle in angles.tolist():
-        x, y, z = 60 * np.cos(angle), 45 * np.sin(angle), 6 * np.cos(2 * angle)
+        x = 60 * np.cos(angle)
+        y = 45 * np.sin(angle)
+        z = 6 * np.cos(2 * angle)
         leaning = f"{0.3 * np.cos(angle):.3f},{0.3 * np.sin(angle):.3f},-1"
         rows.append(f"{x:.3f},{y:.3f},{z:.3f},{leaning}")
     (tmp_path / "ring.csv").write_text("\n".join(rows))

@@ -156,6 +156,16 @@ def test_pairs_disabled_in_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
     assert reasons[frozenset(("camera", "finger"))] == "small.srdf: no reason given"
 
 
+def test_links_that_an_srdf_file_misspells_are_noted(tmp_path):
+    file = described(tmp_path)
+    srdf = tmp_path / "small.srdf"
+    srdf.write_text(SRDF)
+    assert loaded(file, srdf=srdf).notes == loaded(file).notes
+    srdf.write_text(SRDF.replace('link2="beam"', 'link2="beams"').replace("finger", "gripper"))
+    (note,) = set(loaded(file, srdf=srdf).notes) - set(loaded(file).notes)
+    assert "'beams' (did you mean beam?)" in note and "'gripper'" in note and "small.urdf" in note
+
+
 NO_SRDF = """
 <mujoco/> => SRDF ... <mujoco>
 <robot><disable_collisions link1="base"/></robot> => two different links, link1 and link2

@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
+from armcontour.core.guesses import suggest
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_numbers
@@ -31,13 +32,7 @@ def excluded_pairs_of(
     """Return the pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
-    robot = parse_xml(str(location), content)
-    if robot.tag != "robot":
-        raise InvalidInput(
-            f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
-            "<robot>."
-        )
-    disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
+    disabled = _disabled_pairs(content, location)
     every = {x.first for x in disabled} | {x.second for x in disabled}
     if every and not every & set(links):
         raise InvalidInput(
@@ -47,6 +42,41 @@ def excluded_pairs_of(
         )
     pairs = {frozenset((x.first, x.second)): x for x in disabled}
     return tuple(x for pair, x in pairs.items() if pair <= set(links))
+
+
+def note_unknown_links(
+    content: bytes, location: FilePath, description: str, links: Collection[str]
+) -> str:
+    """Return a note on links that an SRDF file names, but an arm does not have.
+
+    - `description`: file of the arm.
+    - `links`: names of the arm's links.
+    """
+    named: dict[str, None] = {}
+    for pair in _disabled_pairs(content, location):
+        named |= {pair.first: None, pair.second: None}
+    unknown = []
+    for name in named:
+        if name not in links:
+            meant = suggest(name, links, "")
+            unknown.append(f"{show(name)} ({meant})" if meant else show(name))
+    if not unknown:
+        return ""
+    return (
+        f"{location.name}: pairs of links with {list_some(unknown, MAX_NAMED)} are ignored, "
+        f"because {FilePath(description).name} has no links with these names."
+    )
+
+
+def _disabled_pairs(content: bytes, location: FilePath) -> list[LeftOut]:
+    """Return the pairs of links that an SRDF file excludes, whether or not the arm has them."""
+    robot = parse_xml(str(location), content)
+    if robot.tag != "robot":
+        raise InvalidInput(
+            f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
+            "<robot>."
+        )
+    return [_pair(x, location) for x in robot.findall("disable_collisions")]
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
