@@ -148,8 +148,8 @@ Output:
 {PRINTED[name].rstrip()}
 ```
 
-File: [examples/{name}.py](../../examples/{name}.py); `draw_{name[:2]}` of [pictures.py](pictures.py) draws the
-picture from its names. More: {more}.
+File: [examples/{name}.py](../../examples/{name}.py). Its picture is drawn by `draw_{name[:2]}` of
+[pictures.py](pictures.py). More: {more}.
 All examples: [gallery](index.md).
 """
 
