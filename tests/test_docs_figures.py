@@ -1,13 +1,17 @@
 """Numbers of the README and of some guides are computed again."""
 
+import json
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from benchmarks import baseline
+from docs.pages import run_command
 from soak import hal_drives, paper_table
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 
@@ -83,7 +87,7 @@ def test_learning_figures_in_readme_equal_output_of_example():
     first, third = (numbers(runs[k])[1] for k in (0, 2))
     words = " ".join(page("README.md").split())
     stated = re.search(
-        r"is ([\d.]+) mm RMS in the first run.*?and ([\d.]+) mm RMS in the third", words
+        r"of ([\d.]+) mm RMS in the first run.*?of ([\d.]+) mm RMS in the third", words
     )
     assert stated.groups() == (first, third)
 
@@ -96,6 +100,32 @@ def test_readme_states_error_of_its_example_without_compensation():
     error = ac.evaluate(ac.simulate(plain, names["robot"]), names["rounded"]).contour_error
     printed = re.search(r"Without compensation: ([\d.]+) mm RMS, ([\d.]+) mm at most", text)
     is_printed([error.rms * 1e3, error.max * 1e3], printed.groups())
+    planned, compensated = (x for x in text.splitlines() if re.search(r"mm \| .* mm \|", x))
+    assert numbers(planned) == list(printed.groups())
+    is_printed([names["error"].rms * 1e3, names["error"].max * 1e3], numbers(compensated))
+    assumed, robot = names["assumed"], names["robot"].servo
+    ratios = [robot.kp / assumed.kp, robot.kv / assumed.kv]
+    deviations = [100 * abs(x - 1) for x in ratios]
+    for stated in re.findall(r"gains differ by (\d+) and (\d+) %", " ".join(text.split())):
+        is_printed(deviations, stated)
+
+
+@needs_dynamics
+def test_the_certificate_of_the_readme_has_the_stated_figures(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    text = page("README.md")
+    (line,) = re.findall(r"^\.venv/bin/armcontour certify .*$", text, re.MULTILINE)
+    arguments = shlex.split(line)[1:]
+    code, printed, errors = run_command([*arguments, "--json", "--out", tmp_path / "certified"])
+    assert code == 0, errors
+    certificate = json.loads(printed)["certificate"]
+    bound = max(x["robots"]["bound"] for x in certificate["contours"])
+    (stated,) = re.findall(
+        r"motion of ([\d.]+) s during which the servo's contour error is at most ([\d.]+) mm",
+        " ".join(text.split()),
+    )
+    is_printed([certificate["duration"]], stated[:1])
+    assert bound <= 1e-3 * float(stated[1])
 
 
 def test_readme_states_prediction_of_recorded_logs():
@@ -104,13 +134,12 @@ def test_readme_states_prediction_of_recorded_logs():
     prediction = fit.predict(ac.read_log(logs / "B.csv"))
     share = 100 * prediction.rms / prediction.tracking_rms
     text = page("README.md")
-    stated = re.search(r"leaves (\d+) % \(axis 1\) and (\d+) % \(axis 4\)", text)
-    is_printed([share[0], share[3]], stated.groups())
-    stated = re.search(r"axes 3 and 6: (\d+) and (\d+) %", text)
-    is_printed([share[2], share[5]], stated.groups())
+    stated = re.findall(r"(\d+) % \(axis (\d)\)", text)
+    is_printed([share[int(axis) - 1] for _, axis in stated], [x for x, _ in stated])
     without_model = [k + 1 for k, joint in enumerate(fit.joints) if not joint.written]
-    (stated,) = re.findall(r"axes (\d) and (\d) get no model", text)
-    assert without_model == [int(x) for x in stated]
+    (missing,) = re.findall(r"Axes (\d) and (\d) get no model", text)
+    assert without_model == [int(x) for x in missing]
+    assert sorted(int(axis) for _, axis in stated) == [1, 3, 4, 6]
 
 
 def test_figures_without_reserve_in_guide_equal_computed_errors(plans):

@@ -202,9 +202,10 @@ def peak_torques(arm: Arm, plan: Trajectory) -> FloatArray | None:
     """
     if not arm.has_bodies:
         return None
-    t = np.union1d(np.linspace(0, plan.duration, QUANTITY_SAMPLES), plan.breaks)
+    breaks = plan.breaks
+    regular = np.linspace(0, plan.duration, QUANTITY_SAMPLES)
     # The first time has no torques from the left, and the last time none from the right.
-    sides = (("right", t[:-1]), ("left", t[1:]))
+    sides = (("right", breaks[:-1]), ("left", breaks[1:]), ("right", regular))
     peak = np.zeros(arm.dof)
     for side, times in sides:
         for first in range(0, len(times), TIMES_AT_ONCE):

@@ -14,6 +14,7 @@ from armcontour.control.compensation.set_point_times import (
 )
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.fields import declared
+from armcontour.core.pool import split_evenly
 from armcontour.motion import Trajectory
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -25,6 +26,8 @@ BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
 # Largest half-width of the second differences that correct this bias [cycles]. A smaller half-width
 # would increase the commanded acceleration at jumps of acceleration.
 HALF_WIDTH = 12
+# Largest number of set-points whose means are computed at once, which limits the memory.
+TIMES_AT_ONCE = 10_000
 
 
 @declared(eq=False)
@@ -75,9 +78,11 @@ def invert_servo(
         # A drive holds its acceleration over a drive cycle, so the plan's acceleration is taken
         # half a drive cycle later.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
-        q = np.concatenate([q, tail + final])
-        dq = np.concatenate([dq, tail])
-        ddq = without_integral(dq, np.concatenate([ddq, tail]), servo, cycle)
+        if len(tail):
+            q = np.concatenate([q, tail + final])
+            dq = np.concatenate([dq, tail])
+            ddq = np.concatenate([ddq, tail])
+        ddq = without_integral(dq, ddq, servo, cycle)
         commands = servo.command(q, dq, ddq)
         moving = commands[: len(t)]
         moving -= BIAS[servo.interpolation] * _second_differences(moving, trajectory, t, cycle)
@@ -99,14 +104,20 @@ def _means(
     shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])
-    # All times are evaluated at once, because a program has thousands of motion laws.
-    q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
     count = len(shifts)
-    start, middle, end = (q[k::count] for k in range(3))
-    # Velocities at the start and end of the shifted cycle, or of the cycle itself without a shift.
-    before = dq[count // 4 * 3 :: count]
-    after = dq[count - 1 :: count]
-    return (start + 4 * middle + end) / 6, (end - start) / cycle, (after - before) / cycle
+    q_means, dq_means, ddq_means = (np.empty((len(t), trajectory.dof)) for _ in range(3))
+    # A program has thousands of motion laws, so many times are evaluated at once.
+    for group in split_evenly(len(t), -(-len(t) // TIMES_AT_ONCE)):
+        q, dq = trajectory.motion_with_rests((t[group, None] + shifts).ravel(), 1)
+        start, middle, end = (q[k::count] for k in range(3))
+        # Velocities at the start and end of the shifted cycle, or of the cycle itself without a
+        # shift.
+        before = dq[count // 4 * 3 :: count]
+        after = dq[count - 1 :: count]
+        q_means[group] = (start + 4 * middle + end) / 6
+        dq_means[group] = (end - start) / cycle
+        ddq_means[group] = (after - before) / cycle
+    return q_means, dq_means, ddq_means
 
 
 def _second_differences(

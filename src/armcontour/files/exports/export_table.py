@@ -17,6 +17,7 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked
+from armcontour.core.pool import split_evenly
 from armcontour.core.quantities import AtLeast, Axes, Interval, Quantity, joint_units
 from armcontour.core.render import number
 from armcontour.motion import (
@@ -64,6 +65,8 @@ MICRO = 6
 NANO = 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16
+# Largest number of samples whose torques are computed at once, which limits the memory.
+SAMPLES_AT_ONCE = 50_000
 # Units of the quantities of revolute joints.
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # Attributes of events in JSON; `event_data` adds `point`.
@@ -571,6 +574,9 @@ def write_torque(file: FilePath, samples: Samples, arm: Arm) -> None:
         samples: Samples of the trajectory; the last row is the end.
         arm: The arm, with bodies.
     """
-    torque = arm.torque(samples.q, samples.dq, samples.ddq)
+    count = len(samples.t)
+    torque = np.empty_like(samples.q)
+    for group in split_evenly(count, -(-count // SAMPLES_AT_ONCE)):
+        torque[group] = arm.torque(samples.q[group], samples.dq[group], samples.ddq[group])
     titled = joint_columns(samples.t, arm.joint_names, arm.chain.prismatic, torque=torque)
     write_pieces(file, csv_pieces(*titled))
