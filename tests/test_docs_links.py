@@ -1,6 +1,7 @@
 """Links between pages, tables, and entries of the site."""
 
 import functools
+import itertools
 import re
 from pathlib import Path
 
@@ -98,6 +99,19 @@ def test_pages_that_are_generated_are_up_to_date():
 def test_links_of_the_gallery_lead_to_pages():
     targets = [x for shown in gallery.SHOWN.values() for x in shown.more.values()]
     assert [x for x in targets if not (gallery.FOLDER / x).is_file()] == []
+
+
+def test_every_picture_of_the_gallery_has_its_script_and_leads_to_it():
+    drawn = sorted(x.stem for x in gallery.FOLDER.glob("*.svg"))
+    assert drawn == sorted(gallery.SHOWN)
+    assert all((gallery.EXAMPLES / f"{name}.py").is_file() for name in drawn)
+    for page in PAGES:
+        for token in parsed(page):
+            for before, x in itertools.pairwise([token, *(token.children or ())]):
+                source = (page.parent / str(x.attrGet("src") or "")).resolve()
+                if x.type == "image" and source.parent == gallery.FOLDER:
+                    target = (page.parent / str(before.attrGet("href") or "")).resolve()
+                    assert target == gallery.EXAMPLES / f"{source.stem}.py", (page, source.name)
 
 
 def test_every_picture_is_described_in_words():

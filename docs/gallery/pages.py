@@ -148,7 +148,8 @@ Output:
 {PRINTED[name].rstrip()}
 ```
 
-File: [examples/{name}.py](../../examples/{name}.py). More: {more}.
+File: [examples/{name}.py](../../examples/{name}.py). Its picture is drawn by `draw_{name[:2]}` of
+[pictures.py](pictures.py). More: {more}.
 All examples: [gallery](index.md).
 """
 

@@ -13,16 +13,20 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between
 from armcontour.core.render import number, number_range
 from armcontour.geometry import count_full_stops
+from armcontour.geometry.rounding.rounded_path import NO_TOLERANCE
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, Trajectory
 from armcontour.planning import Tracing, find_jerk_stops
 from armcontour.planning.tracing.leaning import may_lean
 from armcontour.planning.tracing.positioner_tilt import angles_to_gravity
 from armcontour.program import Program, contour_called
+from armcontour.program.preparation import PIERCE
 from armcontour.robot import Arm, SerialArm
 
 # Reason for which the list of full stops counts stops due to jerk limits.
 CURVATURE_JUMPS = "curvature jumps"
+# Reason of the stop between the line down from the pierce height and the contour.
+AFTER_PIERCE = "after the pierce"
 # Samples of the planned path per wave.
 PER_WAVE = 64
 # Crests farther apart than this fraction of the pitch belong to different parts of the seam.
@@ -76,7 +80,10 @@ def stops_of_path(program: Program) -> dict[str, int]:
     """Count the full stops that a program requires regardless of limits, by reason."""
     stops: Counter[str] = Counter()
     for contour in program.contours:
-        stops.update(count_full_stops(contour.path))
+        counts = Counter(count_full_stops(contour.path))
+        if contour.path.tags[0] == PIERCE and counts[NO_TOLERANCE]:
+            counts.update({NO_TOLERANCE: -1, AFTER_PIERCE: 1})
+        stops.update(+counts)
     return dict(sorted(stops.items()))
 
 
