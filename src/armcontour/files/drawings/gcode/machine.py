@@ -369,7 +369,7 @@ class Machine:
         self.position = target
 
     def _move_to_reference(self, block: Block, code: int) -> None:
-        """G28, G30: move through the point of the line to the first or second reference position."""
+        """G28, G30: move through the point of the line to a reference position."""
         # The axes of the line move to the reference position; without coordinates, all axes move.
         coordinates = self._coordinates(block)
         if coordinates:
