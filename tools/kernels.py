@@ -66,11 +66,11 @@ def _text(kind: Any) -> str:
 
 def calls() -> set[str]:
     """Calls from Python to compiled functions of the package in this process."""
-    from armcontour.core.kernel_cache import KERNELS
+    from armcontour.core.kernel_cache import KERNELS, is_inner
 
     found = set()
     for (module, name), kernel in KERNELS.items():
-        if not module.startswith("armcontour.") or kernel.targetoptions["no_cpython_wrapper"]:
+        if not module.startswith("armcontour.") or is_inner(kernel):
             continue
         for arguments in kernel.overloads:
             found.add(f"{module}.{name}({to_text(arguments)})")
@@ -87,6 +87,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
     from numba.core import event
 
     from armcontour.core import compilation
+    from armcontour.core.kernel_cache import is_inner
 
     # Disable ahead-of-time compilation.
     compilation.LIST = Path(os.devnull)
@@ -99,9 +100,10 @@ def record(run: str, arguments: list[str], out: Path) -> None:
             """Required by numba."""
 
         def on_end(self, event: Any) -> None:
-            """Record a function."""
-            function = event.data["dispatcher"].py_func
-            if function.__module__.startswith("armcontour."):
+            """Record a function, unless only its callers are compiled."""
+            dispatcher = event.data["dispatcher"]
+            function = dispatcher.py_func
+            if function.__module__.startswith("armcontour.") and not is_inner(dispatcher):
                 text = to_text(event.data["args"])
                 recorded[f"{function.__module__}.{function.__name__}({text})"] = None
 

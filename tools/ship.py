@@ -1,7 +1,7 @@
 """`python -m tools.ship dist`: make a second wheel, with compiled functions, from the plain one.
 
-The functions are compiled for this Python and a common processor. Functions that only compiled ones
-call are left out, because their callers contain their code. The compiled functions are kept for the
+The functions are compiled for this Python and a common processor. Inner functions have no files,
+because their callers contain their code. The compiled functions are kept for the
 next call in `NUMBA_CACHE_DIR`, or in `.armcontour`.
 """
 
@@ -56,7 +56,7 @@ def ship(folder: Path) -> None:
             import_module(module)
         shipped = tree / kernel_cache.SHIPPED.relative_to(kernel_cache.ROOT.parent)
         for kernel in kernel_cache.KERNELS.values():
-            if not kernel.targetoptions["no_cpython_wrapper"]:
+            if not kernel_cache.is_inner(kernel):
                 copy(kernel._cache, shipped)
         compilation.stamp(shipped, "all", kernel_cache.SHIPPED_TARGET)
         wheel("pack", str(tree), "--dest-dir", name)

@@ -41,8 +41,8 @@ def test_without_a_writable_folder_the_command_compile_states_the_remedy(tmp_pat
 
 
 def test_a_compiled_function_is_not_compiled_again(tmp_path):
-    point = "Tuple((float64, float64, float64, ))"
-    text = f"- armcontour.geometry.kernels.find_foot({point}, float64[::1])\n"
+    arrays = "float64[:, ::1], float64[:, ::1]"
+    text = f"- armcontour.core.quintics.solve_banded({arrays})\n"
     gone = "- armcontour.geometry.kernels.gone(float64)\n"
     (tmp_path / "list.txt").write_text(text + gone)
     variables = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
@@ -53,7 +53,7 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     functions, compiled, folder, *steps = compile_all()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, once: 2 functions in ")
-    assert steps[-1].endswith(": geometry.kernels.find_foot")
+    assert steps[-1].endswith(": core.quintics.solve_banded")
     # The second time it reports no steps.
     assert compile_all() == ["2", "0", folder]
     shutil.rmtree(tmp_path / "kept")

@@ -1,7 +1,8 @@
 """Ahead-of-time compilation in several processes: of all functions, or for a usual run.
 
 `kernels.txt` lists, one call per line, the runs that call a function and the types of its
-arguments. A function is compiled after its callees, because it loads them.
+arguments. A function is compiled after its callees, because it loads them; inner functions are
+compiled with it and are not listed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,15 @@ from threading import Condition, Thread
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from armcontour.core import kernel_cache
-from armcontour.core.kernel_cache import KERNELS, PACKAGE, ROOT, SHIPPED, SHIPPED_TARGET, waiting
+from armcontour.core.kernel_cache import (
+    KERNELS,
+    PACKAGE,
+    ROOT,
+    SHIPPED,
+    SHIPPED_TARGET,
+    is_inner,
+    waiting,
+)
 from armcontour.core.pool import can_start, is_child, open_executor, processors, run_all
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
@@ -172,8 +181,9 @@ class CompilationSchedule:
         self._started = set[FunctionName]()
         # Compiled functions that each function calls.
         self._needs = {key: _callees(key) for key in self._remaining}
-        # Length of the code [bytes] as an estimate of the time to compile.
-        self._size = {key: len(KERNELS[key].py_func.__code__.co_code) for key in self._remaining}
+        # Length of the code with that of its inner functions, which are compiled with it [bytes],
+        # as an estimate of the time to compile.
+        self._size = {key: _code_size(key) for key in self._remaining}
         self._total = sum(self._size.values())
         self._requested = set[FunctionName]()
         self.waits = self.compiled = self._done = 0
@@ -250,6 +260,12 @@ def _callees(key: FunctionName) -> set[FunctionName]:
                 reached.add(callee)
                 new.append(callee)
     return reached - {key}
+
+
+def _code_size(key: FunctionName) -> int:
+    """Return the length of a function's code with that of the inner functions it calls [bytes]."""
+    inner = {x for x in _callees(key) if is_inner(KERNELS[x])}
+    return sum(len(KERNELS[x].py_func.__code__.co_code) for x in {key, *inner})
 
 
 def _folder() -> FilePath | None:

@@ -24,8 +24,11 @@ from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
+    NullCache,
     _CacheLocator,
 )
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 
@@ -69,10 +72,10 @@ def compiled(
 ) -> Callable[[Function], Function]:
     """Compile a function at its first call and cache the result on disk.
 
-    `inner` functions are called by compiled functions only; omitting the interface for Python
-    halves the time to compile a small one. If an inner function does not allocate arrays, its
-    callers count references to arrays, which is faster. No code calls compiled functions by C
-    pointers.
+    `inner` functions are called by compiled functions only. They become machine code as parts of
+    their callers, and are cached as such (`_InnerCompiler`). If an inner function does not allocate
+    arrays, its callers count references to arrays, which is faster. No code calls compiled
+    functions by C pointers.
     """
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
     # Set for all functions, because numba inherits missing options from the caller.
@@ -80,6 +83,8 @@ def compiled(
     if inner and not allocates:
         # Without inlining, calls with tuples of arrays put a hundred words on the stack.
         options.setdefault("forceinline", True)
+    if inner:
+        options["pipeline_class"] = _InnerCompiler
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:
@@ -87,7 +92,7 @@ def compiled(
         kernel: Function = decorate(function)
         # The decorator returns an object of numba, which its annotation does not express.
         made: Any = kernel
-        made._cache = _Files(function)
+        made._cache = NullCache() if inner else _Files(function)
         _take_no_literals(kernel)
         if inner:
             _refuse_calls(kernel, function.__name__)
@@ -95,6 +100,44 @@ def compiled(
         return kernel
 
     return keep
+
+
+class _NoEnvironments:
+    """Takes the place of an inner function's code generator once the function is compiled."""
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing: inner functions use no Python objects, which an environment keeps."""
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """Code of an inner function, which is optimized and translated in its callers only.
+
+    Numba would optimize and translate each function for itself, and then, because a caller includes
+    the code of its callees, once more for each direct or indirect caller.
+    """
+
+    codegen = _NoEnvironments()
+
+    def _optimize_final_module(self) -> None:
+        """Do nothing: the callers are optimized with this code."""
+
+    def _finalize_final_module(self) -> None:
+        """End the function without machine code."""
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0, which means that there is no machine code."""
+        return 0
+
+
+class _InnerCompiler(Compiler):
+    """Compiler of inner functions."""
+
+    def define_pipelines(self) -> Any:
+        """Give the function a library of its kind, and return numba's passes."""
+        state = self.state
+        state.library = _InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
 
 
 class _NoFolder(_CacheLocator):
@@ -167,6 +210,11 @@ class _Files(FunctionCache):
         """Save a compiled function, if its folder can be written and the disk is not full."""
         with suppress(OSError):
             super().save_overload(signature, data)
+
+
+def is_inner(kernel: Any) -> bool:
+    """Return whether a compiled function is called by compiled functions only."""
+    return bool(kernel.targetoptions.get("no_cpython_wrapper", False))
 
 
 def target() -> Target:

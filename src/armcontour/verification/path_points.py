@@ -219,7 +219,9 @@ def find_tops(
     - `t`, `values`: increasing times [s] and values at them, (n,) each.
     """
     last = len(t) - 2
-    slopes = (values[1:] - values[:-1]) / (t[1:] - t[:-1])
+    slopes = np.empty(last + 1)
+    for i in range(last + 1):
+        slopes[i] = (values[i + 1] - values[i]) / (t[i + 1] - t[i])
     top = np.empty(last + 2, np.intp)
     kink = np.empty(last + 2)
     parabola_top = np.empty(last + 2)

@@ -104,16 +104,29 @@ def near_path(
         travel2 = max(travel2, square)
     travel = np.sqrt(travel2)
     leash = LEASH_FACTOR * max(distance_bound, travel, SHORTEST_LENGTH)
-    begins = rows[:, 11].copy()
-    farthest = begins[-1] + rows[-1, 10] + 2 * (distance_bound + travel)
+    farthest = rows[-1, 11] + rows[-1, 10] + 2 * (distance_bound + travel)
     while True:
-        first = max(np.searchsorted(begins, low - leash, side="right") - 1, 0)
-        last = np.searchsorted(begins, high + leash, side="right")
+        first = max(_count_begun(rows, low - leash) - 1, 0)
+        last = _count_begun(rows, high + leash)
         part = rows[first:last]
         found = follow(points, part, high + leash, leash, n)
         if leash > farthest or (found.followed >= n and not found.held):
             return found.distance, found.s
         leash *= 2
+
+
+@compiled(inner=True)
+def _count_begun(rows: FloatArray, s: float) -> int:
+    """Return how many segments of `pack_segments` begin at or before an arc length [m]."""
+    low = 0
+    high = len(rows)
+    while low < high:
+        middle = (low + high) // 2
+        if rows[middle, 11] <= s:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @compiled()
@@ -143,16 +156,15 @@ def search_interval(
     for _ in range(MAX_CUTS):
         # Measure the new times
         distance, s = near_path(tool_points(motion, times), rows, low, high, distance_bound)
-        largest = distance.argmax()
+        largest = 0
+        for k in range(len(times)):
+            if distance[k] > distance[largest]:
+                largest = k
         if distance[largest] > best:
             best = distance[largest]
             peak = Searched(True, times[largest], best, s[largest])
         # Merge them with the others
-        t = np.concatenate((t, times))
-        values = np.concatenate((values, distance))
-        order = np.argsort(t, kind="mergesort")
-        t = t[order]
-        values = values[order]
+        t, values = _merge(t, values, times, distance)
         # Choose times near possible tops
         top, kink, parabola_top, bound = find_tops(t, values)
         smallest = SEARCH_PARTS * 4 * (np.nextafter(t[-1], np.inf) - t[-1])
@@ -165,12 +177,50 @@ def search_interval(
                 for guess in (kink[m], parabola_top[m]):
                     for shift in (0.0, -KINK_MARGIN, KINK_MARGIN):
                         place = min(max(guess + shift, END_DISTANCE), 1 - END_DISTANCE)
-                        chosen[count] = t[top[m]] + width * place
-                        count += 1
+                        count = _insert(chosen, count, t[top[m]] + width * place)
         if count == 0:
             break
-        times = np.unique(chosen[:count])
+        times = chosen[:count]
     return peak
+
+
+@compiled(inner=True, allocates=True)
+def _merge(
+    t: FloatArray, values: FloatArray, new_t: FloatArray, new_values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Merge two samples of a function, each of which has its times in order."""
+    n = len(t) + len(new_t)
+    merged_t = np.empty(n)
+    merged_values = np.empty(n)
+    i = 0
+    j = 0
+    for k in range(n):
+        if j == len(new_t) or (i < len(t) and t[i] <= new_t[j]):
+            merged_t[k] = t[i]
+            merged_values[k] = values[i]
+            i += 1
+        else:
+            merged_t[k] = new_t[j]
+            merged_values[k] = new_values[j]
+            j += 1
+    return merged_t, merged_values
+
+
+@compiled(inner=True)
+def _insert(ordered: FloatArray, count: int, value: float) -> int:
+    """Insert a value among the first `count` ones, which are in order, unless it is among them.
+
+    Returns how many there are then.
+    """
+    place = count
+    while place > 0 and ordered[place - 1] > value:
+        place -= 1
+    if place > 0 and ordered[place - 1] == value:
+        return count
+    for k in range(count, place, -1):
+        ordered[k] = ordered[k - 1]
+    ordered[place] = value
+    return count + 1
 
 
 @compiled()
@@ -186,19 +236,24 @@ def nearest_between(
     """
     smallest = np.inf
     square = np.empty(GRID + 1)
+    times = np.empty(GRID + 1)
     for m in range(len(begins)):
         begin = begins[m]
         end = ends[m]
         step = (end - begin) / GRID
-        times = begin + (end - begin) * (np.arange(GRID + 1) / GRID)
+        for k in range(GRID + 1):
+            times[k] = begin + (end - begin) * (k / GRID)
         for _ in range(CLOSER_SEARCHES):
             points = tool_points(motion, times)
+            nearest = 0
             for k in range(GRID + 1):
                 square[k] = 0.0
                 for axis in range(3):
                     square[k] += (points[k, axis] - point[axis]) ** 2
-            smallest = min(smallest, square.min())
-            k = min(max(int(square.argmin()), 1), GRID - 1)
+                if square[k] < square[nearest]:
+                    nearest = k
+            smallest = min(smallest, square[nearest])
+            k = min(max(nearest, 1), GRID - 1)
             curvature = square[k - 1] + square[k + 1] - 2 * square[k]
             shift = 0.0
             if curvature > 0.0:

@@ -97,6 +97,10 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
         beam = next(x for x in arm.shapes.shapes if x.name == "beam")
         assert not any("mesh" in x for x in arm.notes) and beam.shape.size == 0.2
         assert beam.shape.triangles is None and beam.exact.triangles is not None
+    # The folder of a repository has another name than the package; its manifest names the package.
+    (package / "package.xml").write_text('<package format="2"><name> maker_small </name></package>')
+    arm = loaded(described(package / "urdf", MESH.format("package://maker_small/meshes/wedge.obj")))
+    assert not any("mesh" in x for x in arm.notes)
     file = described(tmp_path, MESH.format("package://other/wedge.obj"))
     assert any("package://other/wedge.obj" in x for x in loaded(file).notes)
     # A missing mesh is only a note until the shapes are required.

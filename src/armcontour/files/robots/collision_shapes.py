@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from pathlib import Path as FilePath
@@ -21,6 +22,8 @@ from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, S
 MAX_FILES = 4
 # Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
+# Number of characters of a package's manifest in which its name is searched.
+LONGEST_MANIFEST = 65_536
 
 
 def excluded_pairs_of(
@@ -196,10 +199,24 @@ def _advise_mesh(name: str) -> str:
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """Nearest folder with the name of a ROS package: a parent, or a subfolder of a parent."""
+    """Nearest folder of a ROS package: a parent with its name or manifest, or a parent's subfolder.
+
+    A repository often gives the folder another name than the package.
+    """
     for near in (folder, *folder.parents[:MAX_UP]):
-        if near.name == name:
+        if near.name == name or _package_of(near) == name:
             return near
         if (near / name).is_dir():
             return near / name
     return None
+
+
+def _package_of(folder: FilePath) -> str:
+    """Name of the ROS package whose manifest `package.xml` is in a folder; empty without one."""
+    manifest = folder / "package.xml"
+    if not manifest.is_file():
+        return ""
+    with manifest.open(encoding="utf-8", errors="replace") as file:
+        text = file.read(LONGEST_MANIFEST)
+    name = re.search(r"<name>\s*([^<\s]+)\s*</name>", text)
+    return name.group(1) if name else ""

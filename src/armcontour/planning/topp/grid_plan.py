@@ -424,9 +424,17 @@ def _shorten_plan(
         _bound_motion(work.width, x, rules, rules.close, work.bounds)
         found, tries = _plan_with_margins(grid, limits, rules, work, tries)
         is_proven = found.outcome == FOUND
-    x[:] = x_best
-    k[:] = k_best
-    lost[:] = lost_best
+    _copy_into(x, x_best)
+    _copy_into(k, k_best)
+    _copy_into(lost, lost_best)
+
+
+@compiled(inner=True)
+def _copy_into(values: FloatArray, new: FloatArray) -> None:
+    """Replace all values of an array by those of an array of the same length."""
+    # `values[:] = new` would make numba compile its handling of texts, for the error message.
+    for i in range(len(values)):
+        values[i] = new[i]
 
 
 @compiled(inner=True, allocates=True)
