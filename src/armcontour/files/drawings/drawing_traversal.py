@@ -105,8 +105,8 @@ class Walk:
     separates_parts = False
     # Whether contours are named by their layer and their number on it, instead of an entity.
     counts_contours = False
-    # Whether the notes that the traversal is given can explain why there is no contour, because they
-    # are about damage of the file.
+    # Whether the notes that the traversal is given are about damage of the file, and so can explain
+    # why there is no contour.
     damage_in_notes = True
     # Part of the file that is read, for messages.
     part = ""
