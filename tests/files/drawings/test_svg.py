@@ -563,3 +563,17 @@ def test_dashed_lines_are_read_with_a_note():
         assert "dashes" in note and "path" in note
     for dashes in ("none", "0", ""):
         assert not read(f'{rect}<path stroke-dasharray="{dashes}" d="M1 1H5"/>').notes
+
+
+EMPTY = """
+<font><glyph unicode="a" d="M0 0h9v9z"/></font> => defines a font ... convert it to paths
+<defs><path d="M0 0h9"/></defs><symbol><rect width="2" height="3"/></symbol> => 2 outlines ... use
+<text>a</text> => has no contour to follow (Skipped because they have no outline: text
+"""
+
+
+def test_a_drawing_without_contours_is_refused_with_the_reason():
+    # The note on the missing size of the page is no reason.
+    head = '<svg xmlns="http://www.w3.org/2000/svg">'
+    table = [(f"{head}{x}</svg>".encode(), y) for x, y in rows(EMPTY)]
+    refusals(lambda x: read_svg(x, source="a.svg", options=ReadOptions()), table)

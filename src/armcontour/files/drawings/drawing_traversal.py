@@ -105,6 +105,9 @@ class Walk:
     separates_parts = False
     # Whether contours are named by their layer and their number on it, instead of an entity.
     counts_contours = False
+    # Whether the notes that the traversal is given are about damage of the file, and so can explain
+    # why there is no contour.
+    damage_in_notes = True
     # Part of the file that is read, for messages.
     part = ""
 
@@ -151,11 +154,14 @@ class Walk:
         contours, chaining_notes = chain_pieces(
             pieces, self.options.join_tolerance, counted=self.counts_contours
         )
+        reasons = [*self.notes, *chaining_notes]
+        if self.damage_in_notes:
+            reasons = [*notes, *reasons]
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
             if self.of_other_colors:
-                notes.append(f"Entities of other colours: {list_counted(self.of_other_colors)}.")
-            reason = f" ({' '.join(notes).rstrip('.')})" if notes else ""
+                reasons.append(f"Entities of other colours: {list_counted(self.of_other_colors)}.")
+            reason = f" ({' '.join(reasons).rstrip('.')})" if reasons else ""
             reason = self.explain_empty() or f"has no contour to follow{self.part}{reason}"
             raise InvalidInput(f"{self.source} {reason}.")
         program = Program(

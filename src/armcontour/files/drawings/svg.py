@@ -209,6 +209,7 @@ class SvgWalk(Walk):
     """Traversal of an SVG drawing, with notes on omitted elements."""
 
     separates_parts = True
+    damage_in_notes = False
 
     def __init__(self, root: Element, options: ReadOptions, progress: Progress | None) -> None:
         super().__init__(root.source, options, progress)
@@ -219,6 +220,8 @@ class SvgWalk(Walk):
             x.attributes["id"]: x for x in reversed(self._elements) if "id" in x.attributes
         }
         self._repeated = self._segments = 0
+        # Whether an element with an outline is drawn, so is not only a definition.
+        self.drawn = False
 
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
         """Yield the outlines of all selected elements in drawing order."""
@@ -239,6 +242,7 @@ class SvgWalk(Walk):
                 )
             if element.tag in SHAPES:
                 counts[element.tag] += 1
+                self.drawn = True
             inner = self._inherit(element, around)
             if inner is None:
                 continue
@@ -249,6 +253,23 @@ class SvgWalk(Walk):
             elif self.wants_color(inner.color):
                 name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
                 yield self._outlines(element, inner, name)
+
+    def explain_empty(self) -> str:
+        """Explain why nothing is drawn, for the error, if the file has only definitions."""
+        if self.omitted or self.of_other_colors or self.on_other_layers:
+            return ""
+        if any(x.tag == "font" for x in self._elements):
+            return (
+                "has no contour to follow, because it defines a font, whose glyphs are not drawn. "
+                "Write the text in a drawing program, and convert it to paths"
+            )
+        shapes = sum(x.tag in SHAPES for x in self._elements)
+        if shapes and not self.drawn:
+            return (
+                f"has no contour to follow, because its {shapes} outlines are only definitions "
+                "(defs, symbol, pattern, marker), which no use element draws"
+            )
+        return ""
 
     def _outlines(self, element: Element, inherited: _SvgInherited, name: str) -> EntityOutlines:
         """Return the outlines of a shape on the page [m]."""

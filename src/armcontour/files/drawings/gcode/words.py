@@ -95,7 +95,7 @@ COORDINATES = "XYZABCUVWIJK"
 # What to do instead of a code that is not supported.
 INSTEAD = {
     **dict.fromkeys(
-        (410, 411, 420, 421),
+        range(410, 430),
         "Let the CAM system compute the path of the tool's centre (compensation in computer)",
     ),
     **dict.fromkeys(
