@@ -11,13 +11,17 @@ from typing import Any, TypeAlias
 
 from tools.job_schema import schema_text
 
+from armcontour.core.quantities import unit_of
+from armcontour.core.text import Keys
 from armcontour.files.drawings.path_reader import READERS, YAML
 from armcontour.files.exports.formats import ENDINGS, format_named
+from armcontour.files.file_keys import quantity_of
 from armcontour.files.job_file import GEOMETRY_KEYS, cell_names
-from armcontour.files.job_model import RunModel, SharedModel
-from armcontour.files.job_patch import MERGED
+from armcontour.files.job_model import JobModel, RunModel, SharedModel
+from armcontour.files.job_patch import MERGED, full_key
 from armcontour.files.robots.arm_loading import arm_names
 from armcontour.robot.limits import TOOL_LIMITS
+from armcontour.studio.edits.keys import shown_unit
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Keys in each group of the form. A key belongs to the group that lists the longest prefix of its
@@ -106,6 +110,7 @@ def _groups() -> dict[str, list[Field]]:
     groups: dict[str, list[Field]] = {title: [] for title in GROUPS}
     for key, title in listed.items():
         whole = {"at": key, **_add_ranges(taken[key], key, ranges)}
+        _add_units(whole, tuple(key.split(".")))
         parts = whole.pop("fields") if key in split else []
         # A mapping with a short form, such as the arm, also has a field for the short form.
         if key not in split or "choices" in whole:
@@ -129,6 +134,23 @@ def _add_ranges(field: Field, key: str, ranges: Mapping[str, tuple[float, float]
         return {**field, "usual": ranges[key]}
     inner = [_add_ranges(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
     return {**field, "fields": inner} if inner else field
+
+
+def _add_units(field: Field, keys: Keys) -> None:
+    """Add `typed` to fields of quantities: the unit of a number that is typed without one.
+
+    It applies to a key without a value; a value that is written has its own unit.
+    """
+    for inner in field.get("fields", ()):
+        _add_units(inner, (*keys, inner["name"]))
+    for inner in field.get("items", ()):
+        _add_units(inner, (*keys, 0, inner["name"]))
+    if "each" in field:
+        _add_units(field["each"], (*keys, "name"))
+    place = full_key((*keys, 0) if field.get("list") else keys)
+    kind = quantity_of(JobModel, place)
+    if kind is not None and kind.unit not in ("", "1"):
+        field["typed"] = shown_unit(keys, kind) or unit_of(None, kind)[0]
 
 
 def _remove_field(tree: list[Field], keys: list[str]) -> Field:

@@ -33,10 +33,25 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def job(tmp_path_factory):
-    """The paper's job with three of its runs, set-points every 4 ms."""
-    folder = tmp_path_factory.mktemp("studio")
-    return write_job(folder / "job.yaml", "conventional", "proposed", "optimal")
+def folder(tmp_path_factory):
+    """The folder of the module's job, which is the server's current one."""
+    return tmp_path_factory.mktemp("studio")
+
+
+@pytest.fixture(scope="module")
+def drawings(folder):
+    """Files that the module's job names; a module with such files writes them."""
+
+
+@pytest.fixture(scope="module")
+def job(folder, drawings, request):
+    """The module's `JOB`, or else the paper's job with three runs and set-points every 4 ms."""
+    file = folder / "job.yaml"
+    text = getattr(request.module, "JOB", None)
+    if text is None:
+        return write_job(file, "conventional", "proposed", "optimal")
+    file.write_text(text)
+    return file
 
 
 @pytest.fixture(autouse=True)

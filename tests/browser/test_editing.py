@@ -5,7 +5,6 @@ import hashlib
 import ezdxf
 import pytest
 from playwright.sync_api import expect
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -26,21 +25,12 @@ runs: {own: {}}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("rings")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
+def drawings(folder):
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
     for k in range(4):
         drawing.modelspace().add_circle((24 * k, 20), 9 - k, dxfattribs={"layer": "CUT"})
     drawing.saveas(folder / "rings.dxf")
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 @pytest.fixture
@@ -265,3 +255,67 @@ def test_lengths_are_shown_and_typed_in_inches(studio):
     studio.find("#units").click()
     expect(shown.locator(".unit")).to_contain_text("mm")
     studio.rest()
+
+
+def test_charts_tables_and_tips_are_in_inches(studio):
+    studio.rest()
+    studio.find("#units").click()
+    # The speed of 50 mm/s is 1.97 in/s.
+    studio.tab("charts")
+    summary = studio.find("[data-chart=speed] .chart-summary")
+    expect(summary).to_have_text("At most 1.97 in/s.")
+    expect(studio.find("[data-chart=error] .chart-summary")).to_contain_text(" in")
+    studio.tab("runs")
+    row = studio.find("#tab-runs tbody tr").first
+    expect(row).to_contain_text(" in")
+    expect(row).not_to_contain_text(" mm")
+    studio.tab("tasks")
+    expect(studio.find("form[data-task=certify]")).to_contain_text("in, or as in the job")
+    x, y = studio.middle(studio.find("#playback .track"))
+    studio.page.mouse.move(x, y)
+    expect(studio.find("#playback .tip")).to_contain_text("in/s")
+    # Back in millimetres, the charts follow.
+    studio.find("#units").click()
+    studio.tab("charts")
+    expect(summary).to_have_text("At most 50 mm/s.")
+
+
+def test_fields_show_the_unit_of_a_typed_number(studio):
+    studio.tab("contours")
+    group = studio.find("#panel details[data-group=Part]")
+    if group.get_attribute("open") is None:
+        group.locator("summary").first.click()
+    search(studio, "position")
+    field = studio.slider("path.frame.position")
+    expect(field.locator("input")).to_have_value("420 mm, -20 mm, 100 mm")
+    # The texts have their own units, and a number takes that of its place.
+    expect(field.locator(".from")).to_have_text("")
+    with studio.renewing():
+        studio.type("path.frame.position", "0.43 m, -21, 101")
+    assert data_of(studio)["path"]["frame"]["position"] == ["0.43 m", "-21 mm", "101 mm"]
+    search(studio, "rpy")
+    angles = studio.slider("path.frame.rpy")
+    expect(angles.locator(".from")).to_have_text("deg")
+    with studio.renewing():
+        studio.type("path.frame.rpy", "0, 0, 15")
+    assert data_of(studio)["path"]["frame"]["rpy"][2] == "15 deg"
+    search(studio, "")
+
+
+def test_tip_at_a_dragged_corner_is_not_under_the_tools(studio, folder):
+    square = "points: [[0, 0, 0], [0.05, 0, 0], [0.05, 0.03, 0], [0, 0.03, 0], [0, 0, 0]]"
+    (folder / "square.yaml").write_text(JOB.replace("file: rings.dxf", square))
+    studio.open(folder / "square.yaml")
+    studio.rest()
+    tools = studio.find("#viewbar .tools").bounding_box()
+    for index in (0, 1, 2):
+        with studio.grabbing(studio.handle("corner", index)) as (x, y):
+            studio.page.mouse.move(x + 6, y + 6, steps=3)
+            tip = studio.find(".at-pointer")
+            expect(tip).to_be_visible()
+            box = tip.bounding_box()
+            assert box["x"] >= tools["x"] + tools["width"]
+            region = studio.find("#view2d").bounding_box()
+            assert box["x"] + box["width"] <= region["x"] + region["width"]
+            studio.page.keyboard.press("Escape")
+    studio.open(folder / "job.yaml")

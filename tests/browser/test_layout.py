@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.text_boxes import small_targets, text_faults
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import serving, write_shapes
+from tools.studio_page import write_shapes
 
 pytestmark = [pytest.mark.browser, needs_dynamics]
 SIZES = ((390, 844), (820, 1180), (1440, 900), (1920, 1080))
@@ -26,22 +26,13 @@ runs: {own: {}}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("layout")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
+def drawings(folder):
     drawing = ezdxf.new()
     drawing.units = ezdxf.units.MM
     for k in range(4):
         layer = {"layer": "CUT" if k % 2 else "MARKING"}
         drawing.modelspace().add_circle((24 * k, 0), 8 - k, dxfattribs=layer)
     drawing.saveas(folder / "plate.dxf")
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 def check(studio, where):
@@ -209,3 +200,41 @@ def test_120_contours_are_listed(pages, folder):
     # The last row is reached in the list, and its contour is shown.
     studio.find("ol.contours button").last.click()
     check(studio, "120 contours")
+
+
+def test_every_one_of_many_contours_is_reached_in_the_list(pages, folder):
+    write_shapes(folder / "more.dxf", 230, columns=20, pitch=6, radius=2)
+    job = JOB.replace("plate.dxf", "more.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
+    (folder / "more.yaml").write_text(job)
+    studio = pages(size=(1440, 900))
+    studio.begin()
+    studio.open(folder / "more.yaml")
+    rows = studio.find("ol.contours li")
+    expect(rows).to_have_count(200)
+    pages_of = studio.find("#tab-contours .pages")
+    expect(pages_of.get_by_role("button", name="Earlier")).to_be_disabled()
+    pages_of.get_by_role("button", name="Later").click()
+    expect(rows).to_have_count(30)
+    expect(rows.last).to_contain_text("230")
+    check(studio, "second page")
+    pages_of.get_by_role("button", name="Earlier").click()
+    expect(rows).to_have_count(200)
+    # A number finds its contour, and other words find names.
+    search = studio.find("#tab-contours input[type=search]")
+    search.fill("217")
+    expect(rows).to_have_count(1)
+    rows.first.locator("button").first.click()
+    expect(studio.find("ol.contours [aria-pressed=true]")).to_contain_text("217")
+    search.fill("no such layer")
+    expect(rows).to_have_count(0)
+    # Without the search, the page of the selected contour is shown when it is selected again.
+    search.fill("")
+    expect(rows).to_have_count(200)
+    pages_of.get_by_role("button", name="Later").click()
+    selected = studio.find("ol.contours [aria-pressed=true]")
+    expect(selected).to_contain_text("217")
+    # Arrow keys move within the page.
+    selected.focus()
+    studio.page.keyboard.press("ArrowDown")
+    assert "218" in studio.page.evaluate("document.activeElement.textContent")
+    studio.close()

@@ -2,7 +2,6 @@
 
 import pytest
 from playwright.sync_api import expect
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -63,17 +62,8 @@ runs: {own: {}}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("plate")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
+def drawings(folder):
     (folder / "plate.dxf").write_text(DRAWING)
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -56,19 +55,6 @@ endloop
 endfacet
 endsolid tile
 """
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("space")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import re
 import pytest
 from playwright.sync_api import expect
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import serving
 
 from armcontour.core.yaml_loader import load
 
@@ -36,19 +35,6 @@ POSITIONER = """\
          velocity: 90 deg/s, acceleration: 100 deg/s^2}
   preferences: {turn: {hold: 0 deg}}
 """
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("cells")
-
-
-@pytest.fixture(scope="module")
-def server(folder):
-    file = folder / "job.yaml"
-    file.write_text(JOB)
-    with serving(file, folder=folder) as address:
-        yield address
 
 
 def shown(page, folder, text, name="other.yaml"):
@@ -193,6 +179,84 @@ def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
         studio.wait(f".task-result[data-task={task}]", outdated="false")
 
 
+def test_the_plan_of_a_certificate_is_shown_and_exported_by_one_click(page, folder):
+    studio = shown(page, folder, JOB.replace("name: cell", "name: proved"), "proved.yaml")
+    studio.rest()
+    usual = studio.figure("duration")
+    studio.tab("tasks")
+    result = studio.do("certify", {"tolerance": "2"})
+    # The other tasks wait, and say why.
+    waiting = studio.find("#tasks .task-wait")
+    export = studio.find("#tasks form[data-task=export] button[type=submit]")
+    if studio.told(".task-result[data-task=certify]", "state") == "running":
+        expect(waiting).to_contain_text("Certify")
+        expect(export).to_have_attribute("aria-disabled", "true")
+        expect(export).to_have_attribute("title", re.compile("Certify is running"))
+        bar = studio.find("#bar [data-opens=report]")
+        expect(bar).to_have_attribute("title", re.compile("Certify is running"))
+    studio.wait(".task-result[data-task=certify]", state="done")
+    expect(waiting).to_have_count(0)
+    expect(export).to_have_attribute("aria-disabled", "false")
+    expect(result.locator(".task-sentence")).to_contain_text("run only")
+    # The proved plan is slower than that of the run.
+    result.get_by_role("button", name="Show this plan").click()
+    studio.wait_for("body:not([data-certified=''])")
+    studio.wait_for("#figures[data-exact=true]")
+    banner = studio.find(".certified-banner")
+    expect(banner).to_contain_text("run only")
+    proved = studio.figure("duration")
+    assert proved != usual
+    tile = result.locator(".tiles div", has_text=re.compile("duration|motion|cycle", re.I)).first
+    assert f"{proved:.3g}" in tile.inner_text()
+    # It is exported by one click.
+    result.locator("[name=format]").select_option("csv")
+    result.get_by_role("button", name="Export this plan").click()
+    made = ".task-result[data-task=export]"
+    studio.wait(made, state="done")
+    name, content = studio.save_file(studio.find(f"{made} [data-file]").first)
+    assert name == "proved-only-certified.csv"
+    assert abs(content.count(b"\n") * 4e-3 - proved) < 0.2
+    # The plan of the run comes back by a button, and by an edit.
+    banner.get_by_role("button", name="Back to the plan of the run").click()
+    studio.wait("body", certified="")
+    studio.rest()
+    assert studio.figure("duration") == usual
+    expect(banner).to_be_hidden()
+    studio.tab("process")
+    with studio.changing():
+        studio.type("limits.speed", "40 mm/s")
+    show = result.get_by_role("button", name="Show this plan")
+    expect(show).to_have_attribute("aria-disabled", "true")
+    with studio.changing():
+        studio.find("#undo").click()
+
+
+# Records the cells and the notes that the 3D view shows.
+CELLS = """region => {
+    window.cells = [];
+    const record = () => {
+        const canvas = region.querySelector("canvas");
+        const seen = getComputedStyle(canvas).visibility === "visible";
+        window.cells.push([region.dataset.cell, seen]);
+    };
+    const wished = {attributes: true, attributeFilter: ["data-cell"]};
+    new MutationObserver(record).observe(region, wished);
+}"""
+
+
+def test_no_old_cell_is_shown_while_another_job_is_opened(page, folder):
+    studio = shown(page, folder, JOB, "old_cell.yaml")
+    studio.rest()
+    studio.find("#viewbar").get_by_role("button", name="Both").click()
+    studio.wait_for("#view3d canvas")
+    studio.wait("#view3d", cell="UR5e")
+    studio.find("#view3d").evaluate(CELLS)
+    shown(page, folder, JOB.replace("ur5e", "ur10e"), "new_cell.yaml")
+    studio.wait("#view3d", cell="UR10e")
+    cells = studio.page.evaluate("window.cells")
+    assert cells == [["", False], ["UR10e", True]]
+
+
 def test_charts_of_a_positioner_name_its_joints(page, folder):
     text = JOB.replace("arm: ur5e\n", "arm:\n  name: ur5e\n" + POSITIONER)
     text = text.replace("[[0.45, -0.03, 0.3], [0.50, -0.03, 0.3], [0.50, 0.03, 0.3]]",
@@ -231,3 +295,34 @@ def test_a_rail_is_added_in_the_settings(page, folder):
         "name": "ur5e",
         "rail": {"axis": [0, 1, 0], "upper": "1 m", "velocity": "1 m/s", "acceleration": "2 m/s^2"},
     }
+
+
+def test_compare_plans_the_runs_that_were_never_shown(page, folder):
+    runs = "runs: {first: {}, second: {limits: {speed: 25 mm/s}}, third: {duration: 10 ms}}"
+    text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
+    studio = shown(page, folder, text, "never_shown.yaml")
+    studio.choose_run("first")
+    studio.wait("#view2d", run="first")
+    studio.rest()
+    studio.find("#bar [data-opens=runs]").click()
+    second, third = (studio.find(f"#tab-runs tr[data-run={x}]") for x in ("second", "third"))
+    expect(second).to_contain_text("kept")
+    expect(third).to_contain_text("refused")
+    # The key in which they differ has a column, with the value that applies to each.
+    heads = studio.find("#tab-runs thead th").all_inner_texts()
+    cells = [x.inner_text() for x in second.locator("th, td").all()]
+    assert cells[heads.index("speed")] == "25 mm/s"
+    of_first = studio.find("#tab-runs tr[data-run=first]").locator("th, td").all_inner_texts()
+    assert of_first[heads.index("speed")] == "50 mm/s"
+    # Half the speed takes about twice as long.
+    times = [float(x[heads.index("cycle time")].split()[0]) for x in (of_first, cells)]
+    assert 1.8 < times[1] / times[0] < 2.0
+    # After an edit of the job, one button plans them again.
+    studio.tab("process")
+    with studio.changing():
+        studio.type("corners.tolerance", "0.5 mm")
+    studio.tab("runs")
+    expect(second).not_to_contain_text("kept")
+    studio.find("#tab-runs").get_by_role("button", name=re.compile("^Plan ")).click()
+    expect(second).to_contain_text("kept")
+    studio.tab("charts")

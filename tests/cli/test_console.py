@@ -85,3 +85,11 @@ def test_progress_says_which_contour_of_how_many_and_the_time_left(capsys, monke
         assert expected in first
     for expected in ("contour 20 of 40", "50%", "10 min left"):
         assert expected in second
+
+
+def test_numbers_of_a_wide_table_are_not_divided_between_lines():
+    numbers = [f"0.{k}01234 mm" for k in range(10)]
+    heading = [f"{'a long name of a column ' * 2}{k}" for k in range(10)]
+    lines = table_lines([["job", *heading], ["1", *numbers], ["2", *numbers]])
+    assert {x.split(" ")[0] for x in numbers} <= set(" ".join(lines[-6:]).split())
+    assert len({len(x) for x in lines}) == 1

@@ -182,3 +182,65 @@ def test_invalid_weaves_are_refused():
         (woven(comb), "nothing is woven"),
         (woven(BENT, tolerance=1e-14), "tolerance"),
     )
+
+
+# --------------------------------------------------- tool orientations per waypoint of a seam
+
+
+def leaning(turn, *, axis_only):
+    """Rotations whose tool axis points down and leans outwards by 0.3 rad, at angles [rad]."""
+    lean = Rotation.from_rotvec([0.0, np.pi - 0.3, 0.0])
+    about_z = Rotation.from_rotvec(np.column_stack([0 * turn, 0 * turn, turn]))
+    return (about_z * lean).as_matrix()
+
+
+@each("axis_only", [True, False])
+@each("closed", [True, False])
+def test_the_tool_turns_smoothly_through_the_waypoints_of_a_seam(axis_only, closed):
+    turn = np.linspace(0, 2 * np.pi if closed else 2.0, 61)
+    radius = 0.05 * (1 + 0.1 * np.cos(3 * turn))
+    points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), 0.01 * np.cos(turn)])
+    rotations = leaning(turn, axis_only=axis_only)
+    path = Path.polyline(points).oriented(rotations, axis_only=axis_only)
+    woven = weave_path(path, width=WIDTH, pitch=PITCH)
+    assert len(woven.stops) == 0
+    # At each waypoint, the tool has the orientation of this waypoint.
+    wave = np.column_stack([woven.breaks[:-1], woven(woven.breaks[:-1])])
+    for point, rotation in zip(points[1:-1], rotations[1:-1], strict=True):
+        near = wave[np.linalg.norm(wave[:, 1:] - point, axis=1) < 1.2 * WIDTH, 0]
+        angles = [angle_of(woven.orientation(s), rotation, axis_only) for s in near]
+        # The nearest vertex of the wave is less than a pitch of seam away.
+        assert min(angles) <= PITCH / 0.045
+
+
+def angle_of(first, second, axis_only):
+    """Angle between two rotations [rad], or between their tool axes."""
+    if axis_only:
+        return np.arccos(np.clip(first[:, 2] @ second[:, 2], -1, 1))
+    return (Rotation.from_matrix(first) * Rotation.from_matrix(second).inv()).magnitude()
+
+
+def test_a_straight_seam_with_two_tool_axes_is_woven_without_a_stop():
+    points = [[0.0, 0, 0], [0.03, 0, 0], [0.07, 0, 0]]
+    axes = [[0.0, 0.0, -1], [0.0, 0.3, -1], [0.2, 0.3, -1]]
+    woven = weave_path(Path.polyline(points).pointing(axes), width=WIDTH, pitch=PITCH)
+    assert len(woven.stops) == 0
+    middle = woven.length * 3 / 7
+    needed = np.array(axes[1]) / np.linalg.norm(axes[1])
+    # The woven length is not exactly proportional to that of the seam, near both ends.
+    assert angle_of(woven.orientation(middle), needed[:, None] * [[0, 0, 1]], True) <= 0.02
+    np.testing.assert_allclose(woven.orientation(woven.length)[:, 2] @ axes[2], 1.063, atol=1e-3)
+
+
+def test_a_seam_of_waypoints_keeps_the_angle_to_its_tangent():
+    turn = np.linspace(0, 1.5, 40)
+    points = np.column_stack([0.1 * np.sin(turn), 0.06 * np.cos(turn), 0 * turn])
+    path = Path.polyline(points).following_tangent([0, 0, 1])
+    woven = weave_path(path, width=WIDTH, pitch=PITCH)
+    assert len(woven.stops) == 0
+    # Tangents of the ellipse at waypoints, away from the ends of the weave.
+    for k in range(5, 35):
+        tangent = np.array([0.1 * np.cos(turn[k]), -0.06 * np.sin(turn[k]), 0.0])
+        tangent /= np.linalg.norm(tangent)
+        s = woven.project(points[k : k + 1]).s
+        assert np.arccos(woven.orientation(s)[0, :, 0] @ tangent) <= PITCH / 0.036

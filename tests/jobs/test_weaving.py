@@ -102,3 +102,32 @@ def test_a_limiting_travel_speed_is_named_and_its_change_suggested():
     assert edits["process.weave.speed"] == pytest.approx(7.2e-3)
     capped = run(parse_job(JOB.replace("0.15 m/s", "5 mm/s"))).runs["only"]
     assert "mm/s" not in capped.to_data()["time_limit"].note
+
+
+def test_a_woven_seam_with_a_tool_axis_per_waypoint_is_executed_without_a_stop(tmp_path):
+    angles = np.linspace(0, 2 * np.pi, 49)
+    rows = ["x [mm],y [mm],z [mm],ax,ay,az"]
+    for angle in angles.tolist():
+        x = 60 * np.cos(angle)
+        y = 45 * np.sin(angle)
+        z = 6 * np.cos(2 * angle)
+        leaning = f"{0.3 * np.cos(angle):.3f},{0.3 * np.sin(angle):.3f},-1"
+        rows.append(f"{x:.3f},{y:.3f},{z:.3f},{leaning}")
+    (tmp_path / "ring.csv").write_text("\n".join(rows))
+    text = """\
+name: ring
+arm: {name: ur5e, tool: {position: [0, 0, 0.3]}, work: {position: [0.4, -0.1, 0.05]}}
+path: {file: ring.csv}
+process: {weave: {width: 4 mm, frequency: 1.5 Hz, speed: 6 mm/s}}
+limits: {speed: 25 mm/s}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+cycle: 8 ms
+runs: {weld: {timing: {reserve: 2 %}}}
+"""
+    result = run(parse_job(text, folder=tmp_path)).runs["weld"]
+    assert result.kept and result.stops_of_path == {} and result.full_stops == {}
+    (weave,) = result.weaves
+    assert weave.width == pytest.approx((4e-3, 4e-3), rel=0.02)
+    assert weave.frequency == pytest.approx((1.5, 1.5), rel=0.02)
+    assert "t = " in result.evaluation.to_data()["speed_ratio"].note

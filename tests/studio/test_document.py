@@ -12,10 +12,12 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_text_edits import Change, change_data
-from armcontour.studio.document import Document
+from armcontour.studio.document import MAX_STORED, Document
+from armcontour.studio.editor import Editor
 from armcontour.studio.edits import changes_of
 from armcontour.studio.handles import EditState, handles_of
 from armcontour.studio.opening import Uploads
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import all_recent
 
 TEXT = """\
@@ -213,6 +215,61 @@ def test_a_draft_survives_until_the_job_is_saved(file, home):
     again.save()
     assert Document.open(file).earlier_draft is None and not drafts(home)
     assert not (file.parent / ".armcontour").exists()
+
+
+SPEEDS = ("0.16 m/s", "0.17 m/s", "0.18 m/s")
+
+
+def edited(file):
+    """An editor of the job with three changes, of which the last one was undone."""
+    editor = Editor(Document.open(file), CoarsePlanner(file.parent))
+    for speed in SPEEDS:
+        changed = editor.revise([{"do": "set", "key": "limits.speed", "value": speed}])
+        editor.commit(changed, f"Speed {speed}")
+    editor.change(editor.document.undo)
+    return editor
+
+
+def test_restored_draft_has_the_undo_steps_that_led_to_it(file, home):
+    before = edited(file)
+    texts = [TEXT.replace("0.15 m/s", x) for x in ("0.15 m/s", *SPEEDS[:2])]
+    assert before.document.text == texts[-1]
+    labels = [f"Speed {x}" for x in SPEEDS[:2]]
+    # The process was killed, so nothing else was written.
+    again = Editor(Document.open(file), CoarsePlanner(file.parent))
+    again.restore()
+    assert again.document.text == texts[-1] and again.document.steps == (tuple(labels), 2)
+    for text in reversed(texts[:-1]):
+        again.change(again.document.undo)
+        assert again.document.text == text
+    assert again.document.text == TEXT and not again.document.dirty
+    # They survive a second time.
+    again.document.go_to_step(2)
+    third = Editor(Document.open(file), CoarsePlanner(file.parent))
+    third.restore()
+    assert third.document.steps.labels == tuple(labels)
+
+
+def test_restored_draft_of_a_changed_file_begins_at_the_file(file, home):
+    edited(file)
+    file.write_text(THEIRS)
+    for entry in (home / "armcontour" / "studio" / "recent").glob("*.json"):
+        os.utime(entry)
+    again = Editor(Document.open(file), CoarsePlanner(file.parent))
+    again.restore()
+    assert again.document.steps.labels[1:] == tuple(f"Speed {x}" for x in SPEEDS[:2])
+    again.document.go_to_step(0)
+    assert again.document.text == THEIRS
+    again.document.go_to_step(1)
+    assert again.document.text == TEXT
+
+
+def test_long_texts_are_not_stored_with_all_their_steps(file, home):
+    file.write_text(TEXT + f"# {'x' * 200_000}\n")
+    edited(file)
+    (draft,) = (x for x in all_recent() if x.text is not None)
+    assert [x[0] for x in draft.steps] == ["Speed 0.16 m/s", "Speed 0.17 m/s"][-len(draft.steps) :]
+    assert sum(len(x[1]) for x in draft.steps) <= MAX_STORED
 
 
 def test_every_document_has_a_draft_of_its_own(tmp_path, home):

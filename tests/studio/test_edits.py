@@ -17,16 +17,19 @@ from armcontour.core.frames import Frame
 from armcontour.core.quantities import parse_quantity
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
-from armcontour.files.file_keys import in_si, read_keys
+from armcontour.files.file_keys import in_si, quantity_of, read_keys
 from armcontour.files.job_file import cell_names, cell_text
 from armcontour.files.job_model import JobModel
-from armcontour.files.job_patch import key_of, locate_key
+from armcontour.files.job_patch import full_key, key_of, locate_key
 from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.scene_file import SceneModel, scene_of
+from armcontour.studio import server
 from armcontour.studio.description import shown_values, slider_rows
 from armcontour.studio.edits import EDITS, changes_of
-from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.edits.keys import format_value
+from armcontour.studio.edits.layout import tilt_ignored, tilt_of
 from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
+from armcontour.studio.preview import CoarsePlanner
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\
@@ -512,6 +515,32 @@ def test_tilting_the_tool_works_for_every_form_of_orientation(orientation):
     assert list(new["path"]["orientation"]) == [form]
 
 
+DOWN = {"orientation": {"axis": [0, 0, -1]}}
+
+
+@pytest.mark.parametrize(
+    ("columns", "values", "keys", "is_ignored"),
+    [
+        (",ax,ay,az", ",0,0,-1", DOWN, True),
+        (",ax,ay,az", ",0,0,-1", {}, True),
+        ("", "", DOWN, False),
+    ],
+)
+def test_a_tilt_that_the_file_overrides_is_refused(columns, values, keys, is_ignored, tmp_path):
+    table = f"x [mm],y [mm],z [mm]{columns}\n450,0,200{values}\n480,0,200{values}\n"
+    (tmp_path / "points.csv").write_text(table)
+    data = {**load(ROBOT, ""), "path": {"file": "points.csv", **keys}}
+    job = CoarsePlanner(tmp_path).job(data)
+    state = EditState(data=data, run="own", handles=handles_of(job, data))
+    edit = {"do": "tilt", "angle": "10"}
+    assert (tilt_ignored(job, data) is not None) == is_ignored
+    if not is_ignored:
+        assert changes_of(edit, state)
+        return
+    with pytest.raises(InvalidInput, match=r"points\.csv"):
+        changes_of(edit, state)
+
+
 def test_lists_of_numbers_are_typed_as_text_or_numbers():
     """A direction has no unit."""
     for value in (["0", "1", "0"], [0, 1, 0], [0.0, 1.0, 0.0]):
@@ -519,6 +548,75 @@ def test_lists_of_numbers_are_typed_as_text_or_numbers():
         assert rail["axis"] == [0, 1, 0]
     origin = set_to("arm.rail.origin", ["0", "100", "0 m"], text=SPACE)["arm"]["rail"]["origin"]
     assert origin == ["0 mm", "100 mm", "0 m"]
+
+
+def typed_fields(field, keys):
+    """Yield the fields with a unit for typed numbers, with their keys."""
+    for inner in field.get("fields", ()):
+        yield from typed_fields(inner, (*keys, inner["name"]))
+    if "each" in field:
+        yield from typed_fields(field["each"], (*keys, "name"))
+    if "typed" in field:
+        yield field, (*keys, 0) if field.get("list") else keys
+
+
+FORM = json.loads((server.STATIC / "form.json").read_text("utf-8"))
+TYPED = [
+    (keys, field["typed"])
+    for group in FORM["groups"]
+    for whole in group["fields"]
+    for field, keys in typed_fields(whole, tuple(whole["at"].split(".")))
+]
+
+
+def test_number_typed_for_an_unset_key_has_the_unit_that_the_form_shows():
+    assert len(TYPED) > 60
+    # Lists of coordinates are in mm, not in the m of plain numbers in a file.
+    assert ("path", "frame", "position", 0) in dict(TYPED)
+    for keys, unit in TYPED:
+        place = full_key(keys)
+        written = format_value("2", None, place)
+        number, _, own = str(written).partition(" ")
+        kind = quantity_of(JobModel, place)
+        same = parse_quantity(f"1 {unit}", kind.unit) / parse_quantity(f"1 {own}", kind.unit)
+        assert (float(number), same) == (2, pytest.approx(1)), keys
+
+
+@pytest.mark.parametrize(
+    ("key", "written", "typed", "result"),
+    [
+        ("limits.joint_velocity", "60 deg/s", "50", "50 deg/s"),
+        ("limits.speed", "2 in/s", "3", "3 in/s"),
+        ("limits.speed", "50 mm/s", "40", "40 mm/s"),
+        ("limits.speed", "0.1", "0.2", 0.2),
+        ("accuracy", "0.5 mm", "0.3", "0.3 mm"),
+        (
+            "path.frame.position",
+            "[1 in, 2 in, 0 in]",
+            ["1", "3", "0.5 m"],
+            ["1 in", "3 in", "0.5 m"],
+        ),
+        ("path.frame.position", "[0.1, 0.2, 0]", ["0.1", "0.3", "5 mm"], [0.1, 0.3, "5 mm"]),
+    ],
+)
+def test_typed_number_has_the_unit_of_the_written_value(key, written, typed, result):
+    first = key.partition(".")[0]
+    base = "" if first == "path" else f"{first}: "
+    names = key.split(".")
+    value = written
+    for name in reversed(names[1:]):
+        value = f"{{{name}: {value}}}"
+    if first == "path":
+        text = ROBOT.replace(
+            "orientation: {axis: [0, 0, -1]}}",
+            f"orientation: {{axis: [0, 0, -1]}}, {value[1:-1]}}}",
+        )
+    else:
+        text = f"{ROBOT}{base}{value}\n"
+    changed = set_to(key, typed, text=text)
+    for name in names:
+        changed = changed[name]
+    assert changed == result
 
 
 CELL = """

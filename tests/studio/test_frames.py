@@ -258,6 +258,10 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     drawn = executed.planned.objective.path.project(tool).distance
     assert a["off"].max() == pytest.approx(drawn.max(), rel=1e-3)
     assert a["off"].max() > a["error"].max()
+    # The stated time is that of the largest distance.
+    (k,) = np.flatnonzero(execution.t == frame.header["off_t"])
+    at = executed.planned.objective.path.project(execution.tool[[k]]).distance
+    assert at == pytest.approx(drawn.max(), rel=1e-6)
     base = a["base"] + view.centre + view.plane.origin[:2]
     assert path.project(base.astype(float)).distance.max() < 1e-7
     # Small errors have as many digits as large ones.
@@ -265,6 +269,20 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     k = int(np.argmin(np.where((t > 1) & (t < 4), a["error"], 1)))
     exact = executed.pieces[0].followed.distance[np.abs(executed.execution.t - t[k]).argmin()]
     assert a["error"][k] == pytest.approx(exact, rel=1e-4)
+
+
+def test_the_time_of_the_largest_error_is_on_its_contour(previewer_of_plans, gasket_plan, view):
+    executed = previewer_of_plans.execute(gasket_plan)
+    off_t = execution_frame(executed, view).header["off_t"]
+    execution = executed.execution
+    found = {}
+    spans = [x.t for x in gasket_plan.trajectory.contour_spans]
+    for contour, (begin, end) in zip(gasket_plan.objective.contours, spans, strict=True):
+        (on,) = np.nonzero((execution.t >= begin) & (execution.t <= end))
+        distance = contour.path.project(execution.tool[on]).distance
+        found[execution.t[on][distance.argmax()]] = distance.max()
+    assert len(found) > 1
+    assert found[off_t] == max(found.values())
 
 
 def test_the_arm_is_also_animated_between_contours(previewer_of_plans, plans, gasket_plan, view):

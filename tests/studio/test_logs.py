@@ -72,6 +72,20 @@ def test_the_identified_servo_is_written_into_the_job(ask, file, log):
     session.close()
 
 
+def test_rounding_errors_of_the_clock_change_no_parameter(log):
+    """Without a dead time, the best dead time is next to its bound, where searches creep."""
+    logged = read_log(log)
+    fit = ac.ServoFit(kinematics=ac.load_arm("pmk3s"))
+    joints = ac.identify(logged, fit).joints
+    noise = 1e-13 * np.random.default_rng(2).standard_normal(len(logged.t))
+    shifted = replace(logged, t=logged.t - logged.t[0] + noise)
+    for before, after in zip(joints, ac.identify(shifted, fit).joints, strict=True):
+        assert before.order == after.order == "second"
+        for name in ("kp", "kv", "dead_time"):
+            first, second = getattr(before, name), getattr(after, name)
+            np.testing.assert_allclose(second.value, first.value, rtol=0, atol=0.01 * first.sd)
+
+
 def test_the_next_set_points_equal_those_of_the_command_learn(ask, robot, file, log, command):
     first, second, third = (robot.folder / x for x in ("first", "second", "third"))
     assert command("run", file, "--out", first, "--no-simulation")[0] == 0

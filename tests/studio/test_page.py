@@ -121,14 +121,17 @@ tell(placeNumbers(marks, view, given.selected));
 """
 
 
-@pytest.mark.parametrize(("scale", "least"), [(300.0, 5), (1000.0, 25), (4000.0, 120)])
-def test_numbers_of_contours_do_not_lie_over_each_other(scale, least):
+# Contours of 2.4 and 8 px would be covered by numbers of 7 to 21 px.
+@pytest.mark.parametrize(
+    ("scale", "least", "most"), [(300.0, 1, 2), (1000.0, 4, 12), (4000.0, 120, 120)]
+)
+def test_numbers_of_contours_neither_overlap_nor_cover_small_contours(scale, least, most):
     # Rows of contours of 8 mm, 12 mm apart.
     starts = [[0.012 * (k % 12 - 6), 0.012 * (k // 12 - 5)] for k in range(120)]
     given = {"starts": starts, "radius": 0.004, "scale": scale, "width": 1200, "selected": 77}
     placed = compute(NUMBERS, given)
     assert placed[0]["number"] == "78"
-    assert len(placed) >= least
+    assert least <= len(placed) <= most
     for k, a in enumerate(placed):
         for b in placed[k + 1 :]:
             # A digit of this font is 6 px wide and 11 px high.
@@ -160,10 +163,12 @@ def test_lengths_are_shown_in_inches_on_demand():
         ["typedField", "1, 2", "m"],
         ["typedField", "2", "1/s"],
         ["shownUnit", "mm/s"],
+        ["shownText", "< 0.001 mm"],
+        ["lengthText", 0.0254],
     ]
     metric = compute(UNITS, {"inches": False, "calls": calls})
     same = [calls[0][1], calls[1][1], row, {**row, "unit": "s"}]
-    assert metric == [*same, *(x[1] for x in calls[4:])]
+    assert metric == [*same, *(x[1] for x in calls[4:-1]), "25.400 mm"]
     shown = compute(UNITS, {"inches": True, "calls": calls})
     assert shown[0] == "at 10 in/s, 1 in and 50 mm²; 0.197 in"
     assert shown[1] == calls[1][1]
@@ -172,4 +177,8 @@ def test_lengths_are_shown_in_inches_on_demand():
     position = [float(x.removesuffix(" in")) * 25.4 for x in shown[4].split(", ")]
     assert position == pytest.approx([420, -20, 100], rel=1e-4)
     assert shown[5] == "1.9685 in/s" and shown[6] == "1" and shown[7] == "auto"
-    assert shown[8:] == ["2 in/s", "2 mm", "1 in, 2 in", "2", "in/s"]
+    # A bound has no more digits than before.
+    assert shown[8:] == [
+        *("2 in/s", "2 mm", "1 in, 2 in", "2", "in/s", "< 0.00004 in"),
+        "1.0000 in",
+    ]

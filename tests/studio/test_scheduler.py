@@ -195,6 +195,20 @@ def test_a_refusal_of_a_preview_applies_to_the_newest_state_only(opened, during)
     assert "refusal" not in kinds(frames)
 
 
+def test_the_cell_of_a_job_without_a_plan_is_shown(file):
+    file.write_text(JOB.replace("280 mm, 300 mm", "2 m, 300 mm"))
+    session = session_of(file)
+    tab = SessionPage(session)
+    session.begin()
+    assert "picture preview" not in tiers(tab.frames) and "refusal" in kinds(tab.frames)
+    (arm,) = (x for x in tab.frames if x.kind == "arm")
+    assert len(arm.header["joints"]) == 2
+    # It is sent once.
+    tab.edit({"do": "move_waypoint", "index": 2, "to": [2.1, 0.3]})
+    assert len([x for x in tab.frames if x.kind == "arm"]) == 1
+    session.close()
+
+
 def progress(frames):
     return [x.header["state"] for x in frames if x.kind == "progress"]
 

@@ -338,3 +338,20 @@ def test_messages_of_the_studio_name_no_command_line_options():
         "from -3 -- or less -- to 4": "from -3 -- or less -- to 4",
     }
     assert {x: without_options(x) for x in pairs} == pairs
+
+
+def test_drawing_that_its_cell_cannot_follow_is_refused_and_nothing_changes(session, tab):
+    """The planar arm has no third coordinate. The server sends such an error with status 422."""
+    editor = session.editor
+    id = editor.id
+    run = editor.run
+    text = editor.document.text
+    frames = len(tab.frames)
+    with pytest.raises(ac.InvalidInput, match="z"):
+        session.open_upload("lifted.csv", b"x [m],y [m],z [m]\n0,0,0\n0.1,0,0.1\n", "pmk3s")
+    assert (editor.id, editor.run, editor.document.text) == (id, run, text)
+    assert len(tab.frames) == frames
+    # The job is planned and edited as before.
+    assert editor.previewer.folder == editor.document.folder
+    tab.edit(MOVE)
+    assert tab.last("picture")["run"] == run

@@ -98,6 +98,8 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     text = session.editor.document.text
     assert blank["path"]["kind"] == "blank" and not blank["start"] and "ur10e" in text
     assert tab.last("picture")["tier"] == "outline"
+    # The arm of the new job replaces that of the one before.
+    assert tab.last("arm")["document"] == tab.last("document")["id"]
     a, b = np.array(tab.last("picture")["centre"]) + [[0, 0], [0.05, 0.02]]
     lines = [{"to": [b[0], a[1]]}, {"to": b}, {"to": [a[0], b[1]]}, {"to": a}]
     edit = {"do": "draw", "start": a.tolist()}

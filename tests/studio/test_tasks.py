@@ -112,10 +112,19 @@ def test_a_collision_is_refused_with_its_position(square):
 def test_the_distance_to_an_obstacle_is_a_figure_of_its_own(square):
     post = {"type": "box", "name": "post", "size": [0.02, 0.02, 0.1], "at": [0.7, 0.3, 0.3]}
     square["scene"] = {"obstacles": [post]}
-    rows = {x["name"]: x for x in ask("figures", square, "optimal").header["rows"]}
+    header = ask("figures", square, "optimal").header
+    rows = {x["name"]: x for x in header["rows"]}
     assert "post" in rows["obstacle"]["note"]
-    # Two links of the arm are nearer.
-    assert rows["obstacle"]["value"] > rows["clearance.low"]["value"] > 0
+    # Two links of the arm are nearer. They are a figure of their own, with their place.
+    own = rows["own_links"]
+    assert rows["obstacle"]["value"] > own["value"] > 0
+    assert own["value"] == pytest.approx(rows["clearance.low"]["value"], rel=1e-9)
+    assert "post" not in own["note"]
+    assert header["own_links_t"] == header["nearest"]["t"] != header["obstacle_t"]
+    # Without obstacles, there is one figure.
+    del square["scene"]
+    names = {x["name"] for x in ask("figures", square, "optimal").header["rows"]}
+    assert "clearance.low" in names and not {"obstacle", "own_links"} & names
 
 
 def test_an_export_offers_the_outputs_that_it_misses(line):

@@ -58,6 +58,19 @@ def test_the_speed_overshoot_is_relative_to_the_speed_of_the_segment(arm):
     speed = 0.10 / planned.duration
     assert evaluation.path_velocity == pytest.approx(speed, rel=1e-3)
     assert evaluation.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
+    # The tool passes from the fast to the slow half in the middle of the motion.
+    peak = evaluation.speed_peak
+    assert peak.ratio == evaluation.speed_ratio == pytest.approx(speed / 0.05, rel=1e-3)
+    assert peak.assigned == pytest.approx(0.05) and peak.speed == pytest.approx(speed, rel=1e-3)
+    assert 0.45 * planned.duration <= peak.t <= planned.duration
+
+
+def test_without_an_assigned_velocity_no_place_has_the_largest_ratio(arm):
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+    planned = ac.plan(path, arm)
+    tool = np.column_stack([np.linspace(0.30, 0.40, 401), np.full(401, 0.20)])
+    evaluation = ac.evaluate(executed(arm, tool, planned.duration / 400, planned), path)
+    assert evaluation.speed_peak is None and np.isnan(evaluation.speed_ratio)
 
 
 def test_the_paper_job_reaches_but_does_not_exceed_its_limits(arm):

@@ -21,9 +21,9 @@ from armcontour.core.text import to_line
 if TYPE_CHECKING:
     from armcontour.core.result import Data
 
-# Width of tables that do not go to a terminal [characters].
+# Width of tables that do not go to a terminal [characters]; more if their words need it.
 TABLE_WIDTH = 120
-# Maximum length of names that are not wrapped in a table [characters].
+# Maximum length of names and words that are not wrapped in a table [characters].
 MAX_UNWRAPPED = 24
 # Minimum time between progress lines, and before the first line, without a terminal [s].
 PROGRESS_PERIOD = 10.0
@@ -59,17 +59,31 @@ def table_lines(
     from rich.text import Text
 
     table = Table(title=title and Text(to_line(title)), title_justify="left")
+    words = [_longest_word(column) for column in zip(*rows, strict=True)]
+    # Each column has a blank on both sides and a border on its left.
+    needed = sum(words) + 3 * len(words) + 1
+    width = max(TABLE_WIDTH, needed)
+    if sys.stdout.isatty():
+        width = shutil.get_terminal_size().columns
     for k, column in enumerate(zip(*rows, strict=True)):
         stays_unwrapped = k < names and max(map(len, column[1:]), default=0) <= MAX_UNWRAPPED
         heading = Text(to_line(column[0]))
         table.add_column(heading, overflow="fold", no_wrap=stays_unwrapped)
         table.columns[k].justify = "right" if k else "left"
+        if needed <= width:
+            # A number is not divided between two lines.
+            table.columns[k].min_width = words[k]
     for row in rows[1:]:
         table.add_row(*(Text(to_line(x)) for x in row))
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else TABLE_WIDTH
     printed = io.StringIO()
     Console(file=printed, width=width).print(table)
     return printed.getvalue().splitlines()
+
+
+def _longest_word(column: Sequence[str]) -> int:
+    """Return the length of the longest word of a column, of at most MAX_UNWRAPPED characters."""
+    lengths = [len(word) for cell in column for word in to_line(cell).split()]
+    return max((x for x in lengths if x <= MAX_UNWRAPPED), default=0)
 
 
 class ProgressDisplay:

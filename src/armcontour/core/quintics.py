@@ -96,7 +96,8 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
     x = u / width
     result = np.zeros(np.shape(x) + (coefficients.shape[-1],))
     for k in range(5, order - 1, -1):
-        factor = float(np.prod(np.arange(k, k - order, -1)))
+        # The derivative of x^k has the factor k (k - 1) ... (k - order + 1).
+        factor = float(math.perm(k, order))
         result = result * x[..., None] + factor * coefficients[..., k, :]
     return np.asarray(result / width[..., None] ** order)
 

@@ -40,6 +40,8 @@ ONE_ORIENTATION = (
     "path.orientation must be a single mapping for a file, not a list, because all contours have "
     "the same orientation."
 )
+# Begin of the note on an orientation of the job that has no effect.
+ORIENTATION_IGNORED = "path.orientation is ignored"
 # Keys of an orientation, of which exactly one must be specified.
 ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent", "bisector", "face")
 # Those that follow the faces at the edges of a model.
@@ -273,7 +275,7 @@ def _keep_orientations(
     """Return a program with the tool orientations of its file, and with the cone of the job."""
     follows_faces = is_model(model) and tool_axis_of(model) is not None
     if not follows_faces and _names_of(orientation):
-        note = f"path.orientation is ignored, because {program.source} has tool orientations."
+        note = f"{ORIENTATION_IGNORED}, because {program.source} has tool orientations."
         if orientation.cone > 0.0:
             note = note.replace("is ignored", "is ignored except for its cone")
         program = dataclasses.replace(program, notes=(*program.notes, note))

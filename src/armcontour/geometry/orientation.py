@@ -150,13 +150,14 @@ class Orientation(Checked):
         columns = {name: [getattr(x, name) for x in parts] for name in ROTATIONS}
         for name in POLYNOMIALS:
             columns[name] = [raise_degree(getattr(x, name), size - 1) for x in parts]
-        return cls(
-            breaks=np.concatenate([*breaks, offsets[-1:]]),
-            **{name: np.concatenate(x) for name, x in columns.items()},
-            axis_only=all(x.axis_only for x in parts),
-            follows=all(x.follows for x in parts),
-            cone=min(x.cone for x in parts),
-        )
+        joined: dict[str, Any] = {name: np.concatenate(x) for name, x in columns.items()}
+        joined["breaks"] = np.concatenate([*breaks, offsets[-1:]])
+        joined["axis_only"] = all(x.axis_only for x in parts)
+        joined["follows"] = all(x.follows for x in parts)
+        joined["cone"] = min(x.cone for x in parts)
+        if all(x.fixed for x in parts):
+            return copy_unchecked(parts[0], **joined)
+        return cls(**joined)
 
     def with_cone(self, cone: float) -> Orientation:
         """Return the orientation with another cone around the tool axis.
@@ -302,6 +303,10 @@ class Orientation(Checked):
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
         rows = copy_pieces(self, i)
         before = max(-float(breaks[i[0]]), 0.0)
+        ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
+        if self.fixed:
+            # The tool does not turn, so the rotations do not depend on where a piece starts.
+            return copy_unchecked(self, breaks=ends, **rows)
         if before > 0:
             # The first piece now starts inside its former range. Its start rotation is the
             # orientation at this point. The later rotations up to this point rotate the axes of
@@ -315,7 +320,6 @@ class Orientation(Checked):
             rows["second"][0] = third @ rows["second"][0]
             for name in POLYNOMIALS:
                 rows[name][0, 0] = 0.0
-        ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
         return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
@@ -425,6 +429,8 @@ def fit_cubics(
 
 def raise_degree(c: FloatArray, degree: int) -> FloatArray:
     """Return coefficients of the same polynomials up to a higher degree, (n, degree + 1)."""
+    if c.shape[1] == degree + 1:
+        return c
     return np.pad(c, ((0, 0), (0, degree + 1 - c.shape[1])))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -649,11 +649,57 @@ def _find_distinct(points: FloatArray) -> IntArray:
     return np.flatnonzero(np.append(True, mask))
 
 
+class _PathPart(NamedTuple):
+    """The part of a path between two arc lengths, by the segments that it cuts."""
+
+    begin: float  # Arc length at which the part starts [m]
+    i: IntArray  # Indices of its segments, (n,)
+    u0: FloatArray  # Distance along each segment at which the part starts [m], (n,)
+    u1: FloatArray  # Distance along each segment at which it ends [m], (n,)
+
+    def orientation_of(self, path: Path) -> Orientation | None:
+        """Return the orientation of the part; None if the path has none."""
+        # The orientation is cut at the same arc lengths as the segments.
+        length = float((self.u1 - self.u0).sum())
+        whole = path.orientation
+        return None if whole is None else whole.cut(self.begin, length, REPEATED_POINT)
+
+
 def cut_path(path: Path, begin: float, end: float) -> Path:
     """Cut out the part between two arc lengths, with speeds, tolerances and orientation.
 
     `begin`, `end`: arc lengths at which the part starts and ends [m].
     """
+    part = _find_part(path, begin, end)
+    return Path(
+        segments=path.segments.cut(part.i, part.u0, part.u1).replace(checked=True),
+        orientation=part.orientation_of(path),
+        smoothing=path.smoothing,
+    )
+
+
+def start_at(path: Path, start: float) -> Path:
+    """Return a closed path that starts, and ends, at another of its points.
+
+    This is faster than joining the parts after and before the point.
+
+    `start`: arc length of the point on the given path [m], inside the path.
+    """
+    parts = (_find_part(path, start, path.length), _find_part(path, 0.0, start))
+    i, u0, u1 = (np.concatenate([getattr(x, name) for x in parts]) for name in ("i", "u0", "u1"))
+    gap = np.linalg.norm(path.segments[-1:].ends[0] - path.starts[0])
+    # If the gap is too wide, the check of all segments reports it.
+    segments = path.segments.cut(i, u0, u1).replace(checked=bool(gap <= REPEATED_POINT))
+    orientation = None
+    if path.orientation is not None:
+        oriented = [x.orientation_of(path) for x in parts]
+        lengths = [float(np.cumsum(x.u1 - x.u0)[-1]) for x in parts]
+        orientation = Orientation.join([x for x in oriented if x is not None], lengths)
+    return Path(segments=segments, orientation=orientation, smoothing=path.smoothing)
+
+
+def _find_part(path: Path, begin: float, end: float) -> _PathPart:
+    """Find the segments between two arc lengths [m]; raise InvalidInput if there are none."""
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:
@@ -673,7 +719,6 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
             f"The part from {begin:.9g} to {end:.9g} m of the path has no length. The end must be "
             f"greater than the start by more than {REPEATED_POINT:g} m."
         )
-    # The orientation is cut at the same arc lengths as the segments.
     begin = max(begin, float(path.breaks[first]))
     end = min(end, float(path.breaks[last + 1]))
     i = np.arange(first, last + 1)
@@ -681,11 +726,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
     u1 = path.lengths[i].copy()
     u0[0] = begin - path.breaks[first]
     u1[-1] = min(end - path.breaks[last], u1[-1])
-    orientation = path.orientation
-    if orientation is not None:
-        orientation = orientation.cut(begin, float((u1 - u0).sum()), REPEATED_POINT)
-    cut = path.segments.cut(i, u0, u1).replace(checked=True)
-    return Path(segments=cut, orientation=orientation, smoothing=path.smoothing)
+    return _PathPart(begin, i, u0, u1)
 
 
 def drop_z(path: Path) -> Path:

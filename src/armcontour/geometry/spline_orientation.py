@@ -170,15 +170,39 @@ def turn_smoothly(
     - `smooth`: mask of the inner waypoints on a spline, (n - 2,).
     """
     s = segments.breaks[waypoints]
+    runs = [(s[run], matrices[run]) for run in _splines_between_corners(smooth)]
+    return _turn_along(runs, axis_only=axis_only)
+
+
+def turn_through(s: FloatArray, matrices: FloatArray, *, axis_only: bool) -> Orientation:
+    """Make an orientation that turns at a continuous rate through rotations.
+
+    - `s`: arc lengths [m], increasing from 0, (n,).
+    - `matrices`: rotation matrices there, (n, 3, 3).
+    - `axis_only`: true if rotation about the tool axis is free. The tool axis is then the spline,
+      and not the rotation.
+    """
+    if axis_only:
+        return turn_axes_along([AxisRun(s=s, axes=matrices[:, :, 2])], matrices[0])
+    return _turn_along([(s, matrices)], axis_only=False)
+
+
+def _turn_along(runs: Sequence[tuple[FloatArray, FloatArray]], *, axis_only: bool) -> Orientation:
+    """Make an orientation that follows consecutive splines of rotations.
+
+    - `runs`: arc lengths [m], (n,), and rotation matrices, (n, 3, 3), of each spline.
+    - `axis_only`: true if rotation about the tool axis is free.
+    """
     knots = []
     tables: list[dict[str, FloatArray]] = []
-    for run in _splines_between_corners(smooth):
-        motion = _spline_of_rotations(s[run], matrices[run])
+    for s, matrices in runs:
+        motion = _spline_of_rotations(s, matrices)
         tables.append(_three_turns(motion))
         knots.append(motion.s[:-1])
     columns = {x: np.concatenate([table[x] for table in tables]) for x in tables[0]}
+    last = runs[-1][0][-1:]
     return Orientation(
-        breaks=np.concatenate([*knots, s[-1:]]),
+        breaks=np.concatenate([*knots, last]),
         **columns,
         axis_only=axis_only,
         follows=False,

@@ -12,7 +12,6 @@ from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, declared
-from armcontour.core.frames import log
 from armcontour.core.quantities import NO_KEY, Duration, Frequency, Size, Speed, Tolerance
 from armcontour.core.text import Keys
 from armcontour.geometry.orientation import Orientation
@@ -338,8 +337,6 @@ class _Wave:
 
 def _weave_part(wave: _Wave, tolerance: float) -> Path:
     """Weave along a part, with its speeds, tolerances, tags and orientation."""
-    from armcontour.geometry.prescribed_orientation import carry_frame
-
     part = wave.part
     seam = wave.seam
     pieces = np.unique([0.0, *wave.turning_points().ravel(), seam.length])
@@ -349,24 +346,41 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     rows = part.locate(wave.on_part((seam_s[:-1] + seam_s[1:]) / 2))
     columns = {name: getattr(part.segments, name)[rows] for name in ("tolerances", "tags")}
     segments = segments.replace(speeds=part.speeds[rows] * ratio, **columns)
-    orientation = part.orientation
+    orientation = _orient_along(wave)
     if orientation is None:
         return Path(segments=segments)
     # The orientation follows the fraction of the woven path's length, so the tool turns evenly and
     # not with each wave.
-    seam_s = segments.breaks / segments.breaks[-1] * seam.length
+    stretched = orientation.place(np.eye(3), segments.breaks[-1] / orientation.breaks[-1])
+    breaks = np.append(stretched.breaks[:-1], segments.breaks[-1])
+    return Path(segments=segments, orientation=replace(stretched, breaks=breaks))
+
+
+def _orient_along(wave: _Wave) -> Orientation | None:
+    """Return the tool orientation along the seam of a weave, None if it has none.
+
+    On a smooth seam, the tool turns at a continuous rate through the orientations of the waypoints,
+    so it does not stop there.
+    """
+    from armcontour.geometry.prescribed_orientation import carry_frame
+    from armcontour.geometry.spline_orientation import turn_through
+
+    orientation = wave.part.orientation
+    if orientation is None:
+        return None
     if orientation.follows:
-        carried = carry_frame(seam.segments, orientation.starts[0], axis_only=orientation.axis_only)
-        orientation = carried.with_cone(orientation.cone)
-    else:
-        seam_s = wave.on_part(seam_s)
-    starts = orientation(seam_s[:-1])
-    ends = orientation(seam_s[1:], side="left")
-    rates = np.zeros((len(segments), 3))
-    if not orientation.fixed:
-        rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
-    turned = Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
-    return Path(segments=segments, orientation=turned.with_cone(orientation.cone))
+        start = orientation.starts[0]
+        carried = carry_frame(wave.seam.segments, start, axis_only=orientation.axis_only)
+        return replace(carried, follows=False, cone=orientation.cone)
+    on_part, on_seam = wave.places.T[::-1]
+    is_same_curve = len(on_seam) == 2
+    if orientation.fixed or (is_same_curve and not len(orientation.stops)):
+        return orientation
+    breaks = orientation.breaks
+    s = np.interp(breaks, on_part, on_seam)
+    rotations = orientation(breaks, side="left")
+    turned = turn_through(s, rotations, axis_only=orientation.axis_only)
+    return turned.with_cone(orientation.cone)
 
 
 def _fit_sine(

@@ -14,6 +14,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
+from armcontour.core.pool import split_evenly
 from armcontour.core.text import limit_label
 from armcontour.motion import JointPath, PathLaw
 from armcontour.planning.path_grid import Grid
@@ -37,7 +38,7 @@ from armcontour.planning.topp.limit_forms import (
     check_form,
     combine_forms,
 )
-from armcontour.planning.topp.sampled_joint_path import SampledJointPath
+from armcontour.planning.topp.sampled_joint_path import SAMPLES_AT_ONCE, SampledJointPath
 from armcontour.planning.topp.tool_curvature import speed_and_acceleration, write_chords
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, require_orientation
@@ -336,7 +337,7 @@ class JointTorque(Constraint):
 
         docs/concepts/time_optimal.md derives how friction enters the rows.
         """
-        terms = self.dynamics.path_terms(*path.motion)
+        terms = path.terms_of(self.dynamics.path_terms)
         bounds = (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         gravity = path.at_ends(terms[2])
@@ -514,10 +515,15 @@ class ToolMetric:
 
 def measure_tool(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
     """Return tool speed [-] and normal tool acceleration [1/m] at ds = 1, (2, *s.shape)."""
-    speed, _, across = speed_and_acceleration(
-        *arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel()))
-    )
-    return np.stack([speed, across]).reshape(2, *s.shape)
+    pieces = pieces.ravel()
+    places = s.ravel()
+    measured = np.empty((2, len(places)))
+    for group in split_evenly(len(places), -(-len(places) // SAMPLES_AT_ONCE)):
+        motion = joint_path.motion(pieces[group], places[group])
+        measured[0, group], _, measured[1, group] = speed_and_acceleration(
+            *arm.tool_motion(*motion)
+        )
+    return measured.reshape(2, *s.shape)
 
 
 def _refuse_tool_limits(limits: Limits) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -119,7 +119,8 @@ class LimitShare:
     count: int  # Number of parts of the path, or of moves
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+# The class has no slots, because `shares` is cached.
+@dataclass(frozen=True, kw_only=True)
 class Explanation(Result):
     """Limits that determine the duration of a plan.
 
@@ -214,20 +215,23 @@ class Explanation(Result):
         """Limit or kind of move with the longest time, with its fraction; None if there is none."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
-    @property
+    @cached_property
     def shares(self) -> tuple[LimitShare, ...]:
         """Time of each limit and each kind of move, the longest first; the sum is the duration."""
-        sums: dict[tuple[str, str], FloatArray] = {}
+        # Length [m], time [s] and number of parts by kind and name
+        sums: dict[tuple[str, str], list[float]] = {}
         for binding in self.bindings:
             if binding.limit == "nothing":
                 key = (BETWEEN, BETWEEN)
             else:
                 key = (binding.limit, binding.name)
-            part = np.array([binding.s[1] - binding.s[0], binding.t[1] - binding.t[0], 1.0])
-            sums[key] = sums.get(key, np.zeros(3)) + part
-        length, time, _ = np.sum([np.zeros(3), *sums.values()], axis=0).tolist()
-        time += sum(map(sum, self.idle.values()))
-        rows = [(*key, *x.tolist()) for key, x in sums.items()]
+            total = sums.setdefault(key, [0.0, 0.0, 0.0])
+            total[0] += binding.s[1] - binding.s[0]
+            total[1] += binding.t[1] - binding.t[0]
+            total[2] += 1
+        length = sum(x[0] for x in sums.values())
+        time = sum(x[1] for x in sums.values()) + sum(map(sum, self.idle.values()))
+        rows: list[Any] = [(*key, *x) for key, x in sums.items()]
         rows += [(key, key, None, sum(x), len(x)) for key, x in self.idle.items()]
         limit_shares = []
         for kind, name, part_length, t, count in rows:

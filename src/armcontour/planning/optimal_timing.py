@@ -263,9 +263,7 @@ def time_optimal(
     shortest = math.inf
     first = len(grid)
     for k in range(MAX_REFINEMENTS):
-        path = SampledJointPath(grid)
-        limits = _add_stops(limits_on(path, active), grid)
-        grid_plan = plan_on_grid(path.intervals, limits, rules)
+        grid_plan, affordable = _plan_with(grid, active, rules)
         if grid_plan.outcome == FOUND and grid_plan.resting < 0:
             duration = grid_plan.duration
             gained = shortest - duration
@@ -288,7 +286,7 @@ def time_optimal(
         s = float(grid.s[grid_plan.interval])
         if grid_plan.outcome != FINER:
             _refuse(grid, grid_plan, arm, rules)
-        most = max(_affordable_intervals(limits), 2 * first)
+        most = max(affordable, 2 * first)
         parts = round_parts(np.sqrt(grid_plan.lost / LARGEST_MARGIN), most)
         if parts.sum() == len(grid) and max_margin == MAX_MARGIN:
             break
@@ -303,6 +301,17 @@ def time_optimal(
         "it more accurately.",
         s=s,
     )
+
+
+def _plan_with(grid: Grid, active: Sequence[Constraint], rules: Rules) -> tuple[GridPlan, int]:
+    """Plan on a grid; also return how many intervals of a finer grid are affordable.
+
+    The tables of the limits take most of the memory of a plan. They are released before the limits
+    of a finer grid are computed.
+    """
+    path = SampledJointPath(grid)
+    limits = _add_stops(limits_on(path, active), grid)
+    return plan_on_grid(path.intervals, limits, rules), _affordable_intervals(limits)
 
 
 def _place(joint_path: JointPath, s: float) -> str:

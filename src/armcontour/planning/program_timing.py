@@ -32,6 +32,7 @@ from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.program_tracing import TracedMove, Tracing, ends_of
 from armcontour.planning.timing_options import LONGEST_MOTION, PlanOptions
 from armcontour.program import Contour, Dwell, Event, Wait
+from armcontour.program.moves import contour_called
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import LIMITS, reduce_limits
 
@@ -209,10 +210,13 @@ class JoinedMoves:
         """Join the moves added so far to one trajectory."""
         too_early = next((x for x in self.events if x.t < 0), None)
         if too_early is not None:
+            contours = self.traced.program.contours
+            first = "" if len(contours) == 1 else f" for {contour_called(contours[0], 0)}"
             raise InvalidInput(
                 f"The event {too_early.name} would be switched {-too_early.t:.6g} s before the "
-                "motion begins. Start with a longer lead-in or a dwell, or reduce the advance of "
-                "the event.",
+                f"motion begins{first}. Begin with an approach, or rest before the first contour "
+                "(process.approach or process.dwell in a job), or reduce the advance of the event "
+                "(on_lead, lead_time).",
                 t=too_early.t,
                 allowed=0.0,
             )

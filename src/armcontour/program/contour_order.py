@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.text import count_noun
 from armcontour.geometry import Path
-from armcontour.geometry.path import cut_path
+from armcontour.geometry.path import cut_path, start_at
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, Program, Value, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
@@ -446,7 +446,7 @@ def move_start(contour: Contour, start: float, outputs: Mapping[str, Value]) -> 
     _check_switching(contour, start, outputs)
     return replace(
         contour,
-        path=cut_path(path, start, path.length).joined(cut_path(path, 0.0, start)),
+        path=start_at(path, start),
         events=tuple(_move_event(x, start, path.length) for x in contour.events),
     )
 

@@ -25,6 +25,10 @@ from armcontour.program.process import WASTE, Lead, Process
 IGNORED_CONTACT = 0.01
 # Number of bisections in the search for the longest lead that fits (relative error 0.0001).
 LEAD_BISECTIONS = 14
+# A lead within this distance of its contour lies on the finished cut [m].
+ON_CONTOUR = 1e-6
+# Number of points at which the distance of a lead from its contour is measured.
+CONTACT_SAMPLES = 17
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
 # Smallest sine of the angle between tangent and `up`. Below it, left and right are undefined.
@@ -79,8 +83,11 @@ class LeadPlacement:
         full_lead = lead_with(length)
         is_waste_arc = lead.shape == "arc" and lead.side == WASTE and self._cut[number]
         weaves = self._process.of_contour(contour).weave is not None
-        must_fit = is_waste_arc and not weaves and self._has_area(contour)
+        cuts = self._cuts_on_line(contour, lead) and self._cut[number]
+        must_fit = (is_waste_arc or cuts) and not weaves and self._has_area(contour)
         if not must_fit or self._fits_in_waste(full_lead, after):
+            return full_lead
+        if cuts and _lies_on(full_lead, contour.path):
             return full_lead
         fits = 0.0
         too_long = length
@@ -91,6 +98,14 @@ class LeadPlacement:
         called = contour_called(contour, number)
         kind = "lead-out" if after else "lead-in"
         location = f"{called} (layer {contour.layer})" if contour.layer else called
+        if not fits and cuts:
+            raise InvalidInput(
+                f"{location}: a straight {kind} with the process on would cut into the part, "
+                f"because it continues along the tangent at the {'end' if after else 'start'} of "
+                "the contour. Choose shape: arc, which lies in the waste, or remove active: true.",
+                needed=length,
+                allowed=0.0,
+            )
         if not fits:
             raise InvalidInput(
                 f"{location}: an arc {kind} does not fit into the waste at the "
@@ -109,6 +124,17 @@ class LeadPlacement:
         description = f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
         self._shortened.append((fits / length, description))
         return lead_with(fits)
+
+    def _cuts_on_line(self, contour: Contour, lead: Lead) -> bool:
+        """Return whether the process cuts through the material along a straight lead."""
+        if lead.shape != "line" or lead.side != WASTE or not lead.active:
+            return False
+        process = self._process.of_contour(contour)
+        other_leads = (process.lead_in, process.lead_out)
+        has_waste_arc = any(
+            x is not None and x.shape == "arc" and x.side == WASTE for x in other_leads
+        )
+        return bool(process.kerf) or process.pierce is not None or has_waste_arc
 
     def _has_area(self, contour: Contour) -> bool:
         """Return whether a contour encloses an area, on one side of which the waste is."""
@@ -176,6 +202,12 @@ class LeadPlacement:
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
         contains = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).contains
         return bool(contains[:, -1].sum() % 2 == 0)
+
+
+def _lies_on(lead: Path, outline: Path) -> bool:
+    """Return whether a lead runs along its contour, which is cut anyway."""
+    points = lead(np.linspace(0.0, lead.length, CONTACT_SAMPLES))
+    return float(outline.project(points).distance.max()) <= ON_CONTOUR
 
 
 def _bounding_box(pieces: FloatArray) -> FloatArray:

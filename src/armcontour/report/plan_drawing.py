@@ -211,7 +211,9 @@ def pieces_of(result: RunResult, shortest: float) -> dict[str, list[FloatArray]]
     names = list(dict.fromkeys(kinds))
     kind_of_part = np.array([names.index(x) for x in kinds])
     for contour, offset in zip(result.path.contours, result.path.breaks, strict=False):
-        inner = starts[(starts > offset) & (starts < offset + contour.path.length)] - offset
+        end = offset + contour.path.length
+        first = np.searchsorted(starts, offset, side="right")
+        inner = starts[first : np.searchsorted(starts, end)] - offset
         s = np.union1d(drawn_arc_lengths(contour.path, np.inf), inner)
         indices = np.searchsorted(starts, offset + (s[:-1] + s[1:]) / 2, side="right") - 1
         kind = kind_of_part[np.clip(indices, 0, len(kind_of_part) - 1)]
@@ -327,9 +329,10 @@ def _stop_marks(result: RunResult) -> list[Mark]:
         motion = span.trajectory
         if motion is None or motion.path is None:
             continue
-        t = motion.breaks[1:-1]
+        t = motion.breaks
         speeds = motion.s(t, 1)
-        for s in motion.s(t[speeds < STILL * motion.s(motion.breaks, 1).max(initial=0.0)]):
+        stops = t[1:-1][speeds[1:-1] < STILL * speeds.max(initial=0.0)]
+        for s in motion.s(stops) if len(stops) else ():
             marks.append(Mark(contour.path(s), f"stop at s = {number(span.s[0] + s, 'm')}"))
     return marks
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import read_plain, unit_of, write_like
-from armcontour.core.render import scale
+from armcontour.core.render import number, scale
 from armcontour.core.source_file import fingerprint
 from armcontour.core.text import Keys
 from armcontour.files.file_keys import quantity_of
@@ -27,9 +27,10 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import EXTERNAL_AXES, joint_unit, run_of, shown_unit, value_of
-from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.edits.layout import tilt_ignored, tilt_of
 from armcontour.studio.edits.obstacles import part_names
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
+from armcontour.studio.run_keys import differing_keys
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
@@ -225,6 +226,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "steps": _steps(document),
         "runs": runs_of(data),
         "run_states": run_states(data),
+        "run_keys": differing_keys(data),
         "run": run,
         "path": _path(data, handles, state, run),
         "waypoints": [] if handles is None else _waypoints(handles),
@@ -233,7 +235,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "shown": shown_values(data),
         "layers": [] if state.job is None else _layers(state.job),
         "touch_columns": _touch_columns(state.job),
-        "tilt": None if handles is None else tilt_of(handles, data),
+        "tilt": _tilt(handles, data),
         **_scene(data, state.job, handles),
         "text": document.text,
         # Name of the document if it has a draft of an earlier session.
@@ -250,6 +252,25 @@ def _steps(document: Document) -> dict[str, Any]:
     labels, made = document.steps
     first = max(0, min(made - MAX_STEPS // 2, len(labels) - MAX_STEPS))
     return {"first": first, "labels": labels[first : first + MAX_STEPS], "made": made}
+
+
+def _tilt(handles: Handles | None, data: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Describe the tilt of the tool, and what a positioner or the file does to it; None without.
+
+    `why_not`: why it has no effect; `note`: that a positioner turns the part.
+    """
+    tilt = None if handles is None else tilt_of(handles, data)
+    if handles is None or tilt is None:
+        return None
+    positioner = handles.job.arm.chain.positioner
+    note = ""
+    if positioner is not None and positioner.tilt is not None:
+        largest = number(positioner.tilt, "rad")
+        note = (
+            f"The tilt is relative to the part. The positioner turns the part, so that the tool "
+            f"stays within {largest} of gravity (arm.positioner.tilt)."
+        )
+    return {**tilt, "why_not": tilt_ignored(handles.job, data), "note": note}
 
 
 def _touch_columns(job: Job | None) -> list[dict[str, str]]:

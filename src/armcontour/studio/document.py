@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -25,6 +25,10 @@ MISSING = "missing"
 NONE = "none"
 # Maximum number of characters in the undo history; the last text always stays.
 MAX_HISTORY = 50_000_000
+# Maximum number of steps and of characters of the undo history that are stored with a draft, which
+# is written at every change.
+MAX_STORED_STEPS = 60
+MAX_STORED = 500_000
 
 
 class HistoryEntry(NamedTuple):
@@ -233,8 +237,36 @@ class Document:
             cell=cell,
             opened=self._opened,
             text=unsaved,
+            steps=[] if unsaved is None else self._stored_steps(),
         )
         return entry.write() and unsaved is not None
+
+    def restore_steps(self, steps: Sequence[Sequence[str]]) -> None:
+        """Replace the newest step, which restored a draft, by the steps that led to the draft.
+
+        Args:
+            steps: Steps as in `Recent`. If the first one does not begin with the text before the
+                draft, as after a change of the file, the newest step stays before them.
+        """
+        if not steps or not self._past:
+            return
+        restored = self._past.pop()
+        if steps[0][1] != restored.text:
+            self._past.append(restored)
+        for label, text in steps:
+            self._past.append(HistoryEntry(label, text, read_job_mapping(text, self.source)))
+        self.write_draft()
+
+    def _stored_steps(self) -> list[list[str]]:
+        """Return the newest steps of the undo list that are stored with a draft."""
+        steps: list[list[str]] = []
+        size = 0
+        for entry in reversed(self._past[-MAX_STORED_STEPS:]):
+            size += len(entry.text)
+            if size > MAX_STORED:
+                break
+            steps.append([entry.label, entry.text])
+        return steps[::-1]
 
     def unsaved(self) -> str | None:
         """Return a message that unsaved changes are in the draft; None without such changes."""

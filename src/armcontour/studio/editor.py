@@ -114,6 +114,7 @@ class Editor:
         if draft is None:
             raise InvalidInput("There is no draft that can be restored.")
         self.commit(self.revise_text(draft.text), "restore the draft")
+        self.document.restore_steps(draft.steps)
         self.document.drop_earlier_draft()
 
     def select(self, run: str) -> None:

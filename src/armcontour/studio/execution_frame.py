@@ -44,9 +44,17 @@ def execution_frame(executed: PreviewExecution, view: View) -> MessageFrame:
         "centre": view.centre,
         "allowed": planned.allowed_distance,
         "tier": planned.tier,
+        "off_t": _worst_time(executed),
     }
     arrays = {**_execution_lines(executed, view), **_poses(executed.execution)}
     return MessageFrame("executed", header, arrays)
+
+
+def _worst_time(executed: PreviewExecution) -> float:
+    """Return the time of the largest distance from the drawing [s]."""
+    pieces = [(x.t, (x.followed_objective or x.followed).distance) for x in executed.pieces]
+    t, distance = max(pieces, key=lambda piece: float(piece[1].max()))
+    return float(t[distance.argmax()])
 
 
 def _execution_lines(executed: PreviewExecution, view: View) -> dict[str, Any]:

@@ -82,6 +82,8 @@ class Tier(StrEnum):
     PREVIEW = "preview"
     # Plan of a full run.
     EXACT = "exact"
+    # Plan of a certificate.
+    CERTIFIED = "certified"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -229,11 +229,13 @@ class CoarsePlanner:
         self._start = preview.start
         return preview
 
-    def exact(self, data: Mapping[str, Any], planned: RunResult) -> Preview:
+    def exact(
+        self, data: Mapping[str, Any], planned: RunResult, tier: Tier = Tier.EXACT
+    ) -> Preview:
         """Plan of a full run by the task process; the next previews have its configuration."""
         job = self.job(data, planned.run.name)
         below = None if planned.clearance else below_base(job, planned.trajectory)
-        preview = Preview.from_plan(planned, job=job, tier=Tier.EXACT, below_base=below)
+        preview = Preview.from_plan(planned, job=job, tier=tier, below_base=below)
         self._arm = data["arm"]
         self._start = preview.start
         return preview

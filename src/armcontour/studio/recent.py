@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
@@ -45,6 +45,8 @@ class Recent:
         cell: Cell of a drawing; None for a job.
         opened: Text of the document when it was opened.
         text: Unsaved text; None without unsaved changes.
+        steps: Steps of the undo list that lead to the unsaved text, oldest first: the label of the
+            change, and the text before it.
     """
 
     id: str
@@ -54,6 +56,7 @@ class Recent:
     cell: str | None
     opened: str
     text: str | None
+    steps: Sequence[Sequence[str]] = ()
 
     def write(self) -> bool:
         """Store the document for recovery after a crash; False if the folder is not writable."""

@@ -22,6 +22,7 @@ from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import View
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
+from armcontour.studio.certified_plans import CertifiedPlan
 from armcontour.studio.execution_frame import execution_frame
 from armcontour.studio.pages import Answers
 from armcontour.studio.plan_frames import (
@@ -104,6 +105,7 @@ class DocumentState:
         answers: Messages that the frames of this state answer.
         request: Function that creates the request for exact figures.
         waypoints: Waypoints in the plane of the picture [m], (n, 2).
+        certified: Certified plan that the pages show instead of that of the run; None for the run.
     """
 
     data: Mapping[str, Any]
@@ -114,6 +116,7 @@ class DocumentState:
     answers: Answers
     request: Callable[[], Mapping[str, Any]]
     waypoints: FloatArray | None = None
+    certified: CertifiedPlan | None = None
     # Results of the document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     # Picture without a plan, and its program.
@@ -205,7 +208,8 @@ class Scheduler:
             if self._current is not None and obsolete_at < time.monotonic():
                 # Obsolete figures are cancelled, because they slow the preview down.
                 self._figures_worker.cancel(self._figures_id)
-            self._preview_worker.submit(partial(self._show_state, state))
+            show = self._show_state if state.certified is None else self._show_certified
+            self._preview_worker.submit(partial(show, state))
 
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
         """Start a task in the task process; `id` identifies the task for `cancel`."""
@@ -264,6 +268,18 @@ class Scheduler:
         with contextlib.suppress(Superseded):
             self._compute(state, stale)
         self._done.set()
+
+    def _show_certified(self, state: DocumentState, stale: StaleCheck) -> None:
+        """Send the plan of a certificate, its figures and its execution."""
+        assert state.certified is not None
+        planned = self.previewer.exact(state.data, state.certified.load(), Tier.CERTIFIED)
+        state.answered = True
+        frame = picture_frame(planned, state.view)
+        self._deliver(frame.stamped(certificate=state.certified.id), state)
+        self._show_arm(state, planned.job)
+        self._deliver(MessageFrame("figures", state.certified.figures), state)
+        if not stale():
+            self._show_execution(state, planned)
 
     def _compute(self, state: DocumentState, stale: StaleCheck) -> None:
         """Show an outline if the plan is slow, then a preview, and request exact figures."""
@@ -394,6 +410,10 @@ class Scheduler:
                 )
                 if results.planned is None and results.drawn is not program:
                     self._send_outline(state)
+            if results.sent_parts is None:
+                # Pages show the new cell, although its job has no plan.
+                with contextlib.suppress(ArmContourError):
+                    self._show_arm(state, self.previewer.job(state.data, state.run))
         self._deliver(frame, state)
 
     # Exact figures and tasks
@@ -455,6 +475,10 @@ class Scheduler:
         self._current = None
         if frame.kind == "figures":
             self._known = request, frame
+        if self._newest is not None and self._newest.certified is not None:
+            # While the pages show a certified plan, those of the run are not sent.
+            self._end_progress(state)
+        elif frame.kind == "figures":
             self._send_figures(state, frame)
         elif frame.kind == "refusal":
             self._deliver(frame, state)

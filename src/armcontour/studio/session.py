@@ -27,10 +27,11 @@ from armcontour.files.job_model import PathModel
 from armcontour.report.arm_frame import arm_frame
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.view import View
+from armcontour.studio.certified_plans import CertifiedPlan, CertifiedPlans
 from armcontour.studio.description import document_frame, label_of
 from armcontour.studio.document import CHANGED, Document
 from armcontour.studio.editor import Editor, Revision
-from armcontour.studio.handles import drawing_view, has_no_edges, is_blank
+from armcontour.studio.handles import drawing_view, is_blank
 from armcontour.studio.model_reader import (
     ModelReader,
     ModelSource,
@@ -83,6 +84,7 @@ class Session:
         # document at its start. Each of its messages contains all edits since its start.
         self._gestures: dict[Page, tuple[Any, int]] = {}
         self._origins = Origins()
+        self._certified = CertifiedPlans()
         self._progress = progress
         self._model_reader = ModelReader(self._take_model)
         # Frame and source of the model that is shown.
@@ -320,7 +322,10 @@ class Session:
         self._show_all()
 
     def do_task(self, page: Page, message: PageMessage) -> None:
-        """Start a task in the task process, with the edits of the active gesture."""
+        """Start a task in the task process, with the edits of the active gesture.
+
+        With the option `certificate`, the identifier of a certificate, its plan is exported.
+        """
         options = message.get("options") or {}
         if not isinstance(options, dict):
             raise InvalidInput("The options of a task must be a mapping.")
@@ -329,8 +334,25 @@ class Session:
         request = self.editor.request(self._revision, options)
         data = self._revision.data
         files = self.editor.sources(request["text"])
+        plan = b""
+        if "certificate" in options:
+            certified = self._current_plan(options["certificate"])
+            request["run"] = certified.run
+            plan = certified.data
         origin = self._origins.keep(id, task, data, request["run"], files)
-        self.scheduler.start_task(id, task, {**request, "origin": origin})
+        self.scheduler.start_task(id, task, {**request, "origin": origin, "plan": plan})
+
+    def do_show_certified(self, page: Page, message: PageMessage) -> None:
+        """Show the plan of a certificate instead of that of the run, until the next edit."""
+        certified = self._current_plan(_required_text(message, "id"))
+        if certified.run != self.editor.run:
+            self.editor.select(certified.run)
+            self._show_document()
+        self._show(certified=certified)
+
+    def do_show_run(self, page: Page, message: PageMessage) -> None:
+        """Show the plan of the run again, after that of a certificate."""
+        self._show()
 
     def do_segments(self, page: Page, message: PageMessage) -> None:
         """Send the segments of the drawing to the page, which measures them."""
@@ -358,6 +380,7 @@ class Session:
         """Show the new document; report that unsaved changes of the previous one are in a draft."""
         self.scheduler.forget()
         self._origins.clear()
+        self._certified.clear()
         self._show_all()
         sentence = before.unsaved()
         if sentence is not None:
@@ -387,6 +410,17 @@ class Session:
             # A page forgets the model when another document is opened.
             self._model_shown_in = editor.id
             self.send(self._model_frame)
+
+    def _current_plan(self, id: Any) -> CertifiedPlan:
+        """Return the plan of a certificate; raises InvalidInput if the job has changed since."""
+        certified = self._certified.find(id)
+        changed = self._origins.changes_until(self.editor.state.data).get(certified.id)
+        if changed:
+            raise InvalidInput(
+                f"The plan of this certificate belongs to an earlier state of the job. Since then: "
+                f"{', '.join(changed)}. Certify again."
+            )
+        return certified
 
     def _request_model(self) -> None:
         """Request the CAD model of the document, if it is not the one that is shown."""
@@ -421,8 +455,10 @@ class Session:
             axis = editor.previewer.tool_axis(editor.state.data)
         return selection_header(editor.picker, rules, handles.frame, scale, axis)
 
-    def _show(self, revision: Revision | None = None) -> None:
-        """Plan and show a revision, by default the document."""
+    def _show(
+        self, revision: Revision | None = None, *, certified: CertifiedPlan | None = None
+    ) -> None:
+        """Plan and show a revision, by default the document; or the plan of a certificate."""
         editor = self.editor
         self._revision = revision = Revision(editor.state.data) if revision is None else revision
         handles = editor.state.handles
@@ -433,8 +469,7 @@ class Session:
         if is_blank(revision.data):
             self.scheduler.forget()
             self.send(drawing_frame(None, view, run=editor.run))
-            if has_no_edges(revision.data["path"]):
-                self.send(arm_frame(handles.job))
+            self.send(arm_frame(handles.job))
             return
         self.scheduler.show(
             DocumentState(
@@ -446,6 +481,7 @@ class Session:
                 answers=self.pages.answers,
                 request=partial(editor.request, revision, {}),
                 waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
+                certified=certified,
             )
         )
 
@@ -465,6 +501,7 @@ class Session:
     def _send_state_frame(self, frame: MessageFrame, state: DocumentState | None) -> bool:
         """Send a frame of the scheduler; False if the document has changed since its request."""
         if state is None:
+            frame = self._certified.take(frame)
             made = self._origins.made(frame.header.get("id"))
             self.send(self._with_file(frame if made is None else frame.stamped(made=made)))
             return True

@@ -38,6 +38,8 @@ from armcontour.verification.limit_verdict import measure_limit_ratios
 
 # Fraction of a limit from which a joint counts as at the limit.
 AT_LIMIT = 0.99
+# A tool speed counts as above the assigned velocity if it exceeds it by more than this fraction.
+SPEED_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,6 +69,8 @@ class Evaluation(Result, Frozen):
             the motion has none.
         speed_ratio: Largest ratio of the tool speed to the assigned velocity of the limits or of a
             segment; NaN if no velocity is assigned.
+        speed_peak: Time, tool speed and assigned velocity at this ratio; None if no velocity is
+            assigned.
         speed_overshoot: Largest excess of the tool speed over the assigned velocity [m/s]; 0 if no
             velocity is assigned.
         path_velocity: Mean tool speed over the planned time of the motion; for a program, over the
@@ -103,6 +107,7 @@ class Evaluation(Result, Frozen):
     speed: float
     rapid_speed: float | None
     speed_ratio: float
+    speed_peak: SpeedPeak | None
     speed_overshoot: float
     path_velocity: float
     time_at_limit: float | None
@@ -161,9 +166,10 @@ class Evaluation(Result, Frozen):
         largest = ""
         if uses:
             largest = max(uses, key=lambda x: uses[x]).replace("_", " ")
+        note = self._speed_peak_note
         return (
             *ToolSpeeds(work=self.speed, rapids=self.rapid_speed).rows,
-            Row("speed_ratio", self.speed_ratio, "1", "tool speed of the assigned"),
+            Row("speed_ratio", self.speed_ratio, "1", "tool speed / assigned, largest", note),
             Row("speed_overshoot", self.speed_overshoot, "m/s"),
             Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
             Row("time_at_limit", self.time_at_limit, "1", "some joint at a limit", self._reserved),
@@ -175,6 +181,15 @@ class Evaluation(Result, Frozen):
             Row("command_jerk", self.command_jerk, self._unit("rad/s^3")),
             saturated_row(self.saturated),
         )
+
+    @property
+    def _speed_peak_note(self) -> str:
+        """Note with the speed, the assigned velocity and the time of a `speed_ratio` above 1."""
+        peak = self.speed_peak
+        if peak is None or self.speed_ratio <= 1 + SPEED_TOLERANCE:
+            return ""
+        speed = number(peak.speed, "m/s")
+        return f"{speed} of {number(peak.assigned, 'm/s')} at t = {peak.t:.3f} s"
 
     def _unit(self, unit: str) -> str:
         """Unit of all joints, from that of revolute joints."""
@@ -192,6 +207,26 @@ class Evaluation(Result, Frozen):
     __repr__ = short_repr
     plot = draw
     _repr_html_ = draw_as_html
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedPeak:
+    """The place at which the tool speed exceeds the assigned velocity by the largest ratio.
+
+    Args:
+        t: Time [s].
+        speed: Tool speed [m/s].
+        ratio: Tool speed / assigned velocity.
+    """
+
+    t: float
+    speed: float
+    ratio: float
+
+    @property
+    def assigned(self) -> float:
+        """The assigned velocity there [m/s]."""
+        return self.speed / self.ratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,6 +367,7 @@ def evaluate(
         if progress is not None:
             progress(contour_step("evaluation", k, len(pieces)))
     speed_ratios = [x.speed_ratios(bounds.speed) for x in pieces]
+    speed_peak = _find_speed_peak(pieces, speed_ratios, bounds.speed)
     jerk = executed_jerk(executed)
     is_program = program.single_path is None
     return Evaluation(
@@ -350,7 +386,8 @@ def evaluate(
         drawing_errors=tuple(drawing_errors),
         speed=max(float(x.speed.max()) for x in pieces),
         rapid_speed=tool_speeds(executed).rapids,
-        speed_ratio=_largest_ratio(speed_ratios),
+        speed_ratio=np.nan if speed_peak is None else speed_peak.ratio,
+        speed_peak=speed_peak,
         speed_overshoot=_largest_overshoot(pieces, speed_ratios),
         path_velocity=_mean_speed(pieces) if is_program else _mean_planned_speed(executed),
         demand=executed.peak_demand,
@@ -371,10 +408,26 @@ def _largest_known(searches: Sequence[CoverageSearch | None]) -> Coverage | None
     return largest_coverage(known) if known else None
 
 
-def _largest_ratio(speed_ratios: Sequence[FloatArray]) -> float:
-    """Return the largest ratio to the assigned velocity; NaN if no velocity is assigned."""
-    ratio = max(float(x.max()) for x in speed_ratios)
-    return ratio if ratio > 0 else np.nan
+def _find_speed_peak(
+    pieces: Sequence[ContourExecution], speed_ratios: Sequence[FloatArray], limit: float | None
+) -> SpeedPeak | None:
+    """Return where the ratio to the assigned velocity is largest; None if none is assigned.
+
+    Where the assigned velocity jumps between two samples, the ratio is that of the segment's end,
+    and the speed follows from it.
+    """
+    peaks = []
+    for piece, ratios in zip(pieces, speed_ratios, strict=True):
+        i = int(ratios.argmax())
+        ratio = float(ratios[i])
+        if ratio > 0:
+            place = piece.followed.s[i]
+            near = place + np.array([-1.0, 0.0, 1.0]) * piece.followed.distance[i]
+            assigned = piece.path.assigned_speeds(limit, near)
+            nearest = int(np.abs(assigned - piece.speed[i] / ratio).argmin())
+            speed = ratio * float(assigned[nearest])
+            peaks.append(SpeedPeak(t=float(piece.t[i]), speed=speed, ratio=ratio))
+    return max(peaks, key=lambda x: x.ratio, default=None)
 
 
 def _largest_overshoot(

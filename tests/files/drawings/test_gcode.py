@@ -240,7 +240,39 @@ G0 X1|G1 X2 => 1,0 2,0 => without a feed rate, first in line 2
 G92 E0|G1 X1 E1 F60|G1 E-5|X2 => 0,0 1,0 2,0 => The word E, first in line 1, is ignored
 %|G1 X1 F60|%| => 0,0 1,0
 G98 G1 X1 F60|G99 X2|G49|G59 => 0,0 1,0 2,0
+G53 G90 G40|G1 X1 F60 => 0,0 1,0 => G53 without coordinates
+START_PRINT BED=60|set_velocity_limit ACCEL=3|G1 X1 F60|END_PRINT => 0,0 1,0 => \
+SET_VELOCITY_LIMIT (first in line 2) ... START_PRINT (first in line 1), END_PRINT (first in line 4)
 """)
+
+
+def test_feed_moves_that_replace_rapids_after_a_reference_are_no_contours():
+    # Free CAM programs write rapids as G1 with a high feed rate, except those along Z.
+    check_points("""
+G0 Z5 F60|G1 Z1|G53 G0 Z0|G1 X2 Y3|G0 Z5|G1 Z0 => 0,0,5 0,0,1 / 2,3,5 2,3,0 => line 4, are read as
+G0 Z5 F60|G1 Z1|G30 Z9|G1 X2|Y3|G0 Z5|G1 Z0 => 0,0,5 0,0,1 / 2,3,5 2,3,0 => G30 (first in line 3)
+""")
+    (note,) = [x for x in read("G1 X1 F60|G28 Z0|G1 X2|G0 Z1|G1 X3").notes if "rapids," in x]
+    assert "line 3" in note
+    table = [
+        ("F60|G1 X1|G53 G0 Z0|G1 X2|G1 Z-1", "line 5: ", "G0"),
+        ("F60|G1 X1|G53 G0 Z0|G2 X2 I1|G0 Z1", "line 4: ", "G0"),
+    ]
+    refusals(read, table)
+
+
+def test_arcs_that_turn_back_at_both_ends_are_noted_with_their_line():
+    corner = "G0 X0 Y0 F60|G1 X10|G{} X15 Y5 I0 J5|G1 Y20"
+    (note,) = read(corner.format(2)).notes
+    assert "line 3 (270° instead of 90°)" in note
+    assert not read(corner.format(3)).notes
+    # The same arc back and forth, an arc with one smooth end, and an arc at the start.
+    for text in (
+        "G0 X5 F60|G3 X0 Y5 I-5|G2 X5 Y0 J-5|G3 X0 Y5 I-5|G2 X5 Y0 J-5",
+        "G0 X0 Y0 F60|G1 X10|G2 X15 Y5 I0 J5|G1 Y0",
+        "G0 X10 Y0 F60|G2 X15 Y5 I0 J5|G1 Y20",
+    ):
+        assert not read(text).notes, text
 
 
 def test_units_come_from_options_if_the_file_has_none():
@@ -264,17 +296,14 @@ M99 => M99
 X-#<a> => 'X-#<A>'
 X[1 2] => 'X[12]'
 G65 P9010 => G65
-G73 X2 Z-1 R1 Q1 => G73
-G81 X2 Z-1 R1 => G81
 G10 L2 P1 X0 => G10
 G28.1 => G28.1
-G30 => G30
+G30.1 => G30.1
 G52 X1 => G52
 G92 X1 => G92 without E
 G92 => G92 without E
 G92.3 => G92.3
 G93 G1 X2 F2 => G93
-G41 D1 => G41
 G5.2 X1 Y1 P0 L3 => G5.2
 G17.1 => G17.1
 G54.1 P2 => G54.1
@@ -285,10 +314,19 @@ M-1 => M-1
 G1 X=10 Y=20 => 'X=10Y=20'
 $H => '$H'
 $10=1 => '$10=1'
-START_PRINT BED_TEMP=60 => 'START_PRINTBED_TEMP=60'
 N3 T0*57 => '*57'
 G28 T => 'T'
 G1 A90 => A90, a move of the axis A,
+"""
+
+
+# Unsupported words with a remedy of their own.
+REMEDIES = """
+G1 X1 F60|G81 X2 Z-1 R1 => G81 is not supported ... drilling cycles as plain moves
+G1 X1 F60|G73 X2 Z-1 R1 Q1 => G73 is not supported ... drilling cycles as plain moves
+G1 X1 F60|G41 D1 => G41 is not supported ... tool's centre
+G1 X1 F60|G96 S200 => G96 is not supported ... lathes
+G1 X1 F60|SET_GCODE_OFFSET Z=1 => SET_GCODE_OFFSET is a command or a macro of Klipper
 """
 
 
@@ -298,6 +336,7 @@ def test_unsupported_words_are_refused_with_their_line():
         for x, y in rows(UNSUPPORTED)
     ]
     refusals(read, table)
+    refusals(read, REMEDIES, "part.ngc, line 2: ")
     for text in ("O0100 (PART)|G1 X1 F60", "%|N1 O7|G1 X1 F60|M30|O100 sub|%"):
         assert in_mm(read(text).path) == [[0, 0], [1, 0]]
 

@@ -207,8 +207,9 @@ def test_as_a_log_it_equals_the_table_of_the_run(job, motion, file, tmp_path):
     np.testing.assert_allclose(log.measured, written.measured, rtol=0, atol=1e-8)
     fits = [ac.identify(x) for x in (log, written)]
     for a, b in zip(fits[0].joints, fits[1].joints, strict=True):
-        assert a.kp.value == pytest.approx(b.kp.value, rel=1e-5)
-        assert a.kp.value == pytest.approx(25.0, rel=0.01)
+        # Their positions differ by up to 1e-8 rad, which both fits see as noise.
+        assert a.kp.value == pytest.approx(25.0, rel=1e-4)
+        assert b.kp.value == pytest.approx(25.0, rel=1e-4)
     rates = np.stack([np.interp(t, motion.t, x) for x in motion.dq.T], axis=1)
     head = "t [s],q1,q2,dq1,dq2"
     rows = np.column_stack([CYCLE * np.arange(len(t)), measured, rates])

@@ -97,6 +97,10 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
         beam = next(x for x in arm.shapes.shapes if x.name == "beam")
         assert not any("mesh" in x for x in arm.notes) and beam.shape.size == 0.2
         assert beam.shape.triangles is None and beam.exact.triangles is not None
+    # The folder of a repository has another name than the package; its manifest names the package.
+    (package / "package.xml").write_text('<package format="2"><name> maker_small </name></package>')
+    arm = loaded(described(package / "urdf", MESH.format("package://maker_small/meshes/wedge.obj")))
+    assert not any("mesh" in x for x in arm.notes)
     file = described(tmp_path, MESH.format("package://other/wedge.obj"))
     assert any("package://other/wedge.obj" in x for x in loaded(file).notes)
     # A missing mesh is only a note until the shapes are required.
@@ -150,6 +154,16 @@ def test_pairs_disabled_in_an_srdf_file_are_ignored_with_its_reasons(tmp_path):
     reasons = {frozenset((x.first, x.second)): x.reason for x in pairs_of(arm, Scene())[1]}
     assert reasons[frozenset(("base", "beam"))] == "small.srdf: Never"
     assert reasons[frozenset(("camera", "finger"))] == "small.srdf: no reason given"
+
+
+def test_links_that_an_srdf_file_misspells_are_noted(tmp_path):
+    file = described(tmp_path)
+    srdf = tmp_path / "small.srdf"
+    srdf.write_text(SRDF)
+    assert loaded(file, srdf=srdf).notes == loaded(file).notes
+    srdf.write_text(SRDF.replace('link2="beam"', 'link2="beams"').replace("finger", "gripper"))
+    (note,) = set(loaded(file, srdf=srdf).notes) - set(loaded(file).notes)
+    assert "'beams' (did you mean beam?)" in note and "'gripper'" in note and "small.urdf" in note
 
 
 NO_SRDF = """

@@ -421,6 +421,47 @@ def test_links_without_mass_remove_only_the_dynamics(tmp_path):
         refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
 
 
+IMPLAUSIBLE = """
+<mass value="2"/> => <mass value="2e6"/> => the link lower has the mass 2e+06 kg
+"0.02" iyz="0" izz="0.02" => "2e4" iyz="0" izz="2e4" => lower has a moment of inertia of 2e+04 kg m²
+"""
+
+
+def test_implausible_masses_and_inertias_are_noted_and_kept(tmp_path):
+    assert not any("no link of an arm has" in x for x in original_arm().notes)
+    for old, new, words in rows(IMPLAUSIBLE):
+        arm = load(tmp_path, (old, new))
+        assert arm.has_bodies
+        assert any(words in x and "no link of an arm has" in x for x in arm.notes), arm.notes
+
+
+def test_faults_of_several_links_are_named_with_their_figures(tmp_path):
+    mass = re.search('<link name="upper">.*?(<mass value="[^"]*"/>)', TEXT, re.DOTALL)[1]
+    text = TEXT.replace('<mass value="2"/>', '<mass value="-2"/>').replace(
+        mass, '<mass value="-3"/>', 1
+    )
+    (tmp_path / "robot.urdf").write_text(text)
+    (note,) = [x for x in ac.load_arm(tmp_path / "robot.urdf", **WHOLE).notes if "effort" in x]
+    assert "lower has the mass -2 kg" in note and "-3 kg" in note
+
+
+def test_properties_of_xacro_without_use_are_ignored(tmp_path):
+    head = re.search("<robot[^>]*>", TEXT)[0]
+    name = head[:-1] + ' xmlns:xacro="http://ros.org/wiki/xacro">'
+    definition = '<xacro:property name="width" value=".2"/>'
+    arm = load(tmp_path, (head, name + definition))
+    q = np.random.default_rng(4).normal(size=(20, 4))
+    np.testing.assert_array_equal(arm.tool_position(q), original_arm().tool_position(q))
+    used = name + definition + '<link name="${width}"/>'
+    refusals(lambda x: load(tmp_path, x), [((head, used), "xacro elements that are not expanded")])
+
+
+def test_a_description_without_a_moving_joint_is_no_arm(tmp_path):
+    file = tmp_path / "plate.urdf"
+    file.write_text('<robot name="plate"><link name="plate"/></robot>')
+    refusals(ac.load_arm, [(file, "does not describe an arm ... below the link plate")])
+
+
 def test_joints_outside_the_arm_stay_at_0_or_the_nearest_end_of_their_range(tmp_path):
     ranges = 'lower="-1" upper="1" effort="1"'
     for range_text, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):

@@ -150,10 +150,15 @@ class ContourComparison:
             tool = self.arm.tool_position(motion)
             reach = (self._longest_delay + DELAY_MARGIN) / float(np.median(np.diff(samples.t)))
             rows = np.arange(len(path), dtype=np.float64)
-            positions = find_nearest_rows(path, tool, int(np.ceil(reach)))
-            times = np.interp(positions, rows, samples.t)
-            deviations = motion - interpolate(times, samples.t, samples.command)
+            window = int(np.ceil(reach))
+            positions = find_nearest_rows(path, tool, window)
             errors = tool - interpolate(positions, rows, path)
+            # A joint that hardly moves the tool, such as the last one, has no distance from the
+            # tool's path. The deviations are those from the path of all joints.
+            curve = samples.command * self.weight
+            along = find_nearest_rows(curve, motion * self.weight, window)
+            times = np.interp(along, rows, samples.t)
+            deviations = motion - interpolate(times, samples.t, samples.command)
         if set(choice) == {NONE}:
             square = float(np.mean(np.sum(errors[samples.use] ** 2, axis=1)))
         else:

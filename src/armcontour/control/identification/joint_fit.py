@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,8 @@ SOLVED_STARTS = 2
 LIMITED_STARTS = 4
 # Largest number of evaluations from each of several starts.
 FEW_EVALUATIONS = 12
+# A fit is finished if the cost can be reduced by less than this fraction.
+LEAST_GAIN = 1e-8
 # Status in scipy: the solver ended because it used all evaluations.
 EVALUATIONS_USED = 0
 
@@ -192,7 +194,9 @@ class Problem:
         projection = self.project(np.clip(unknowns, self.low, self.high))
         return float(np.sum(projection.residuals**2)) / 2
 
-    def solve(self, start: FloatArray, evaluations: int) -> Any:
+    def solve(
+        self, start: FloatArray, evaluations: int, method: Literal["trf", "dogbox"] = "trf"
+    ) -> Any:
         """Solve from a start with at most `evaluations` evaluations; returns scipy's solution.
 
         With the residuals' derivatives J by the nonlinear unknowns and L by the linear ones, those
@@ -225,7 +229,7 @@ class Problem:
             return columns[:, 0], columns[:, 1:]
 
         bounds = self.low[searched], self.high[searched]
-        solution = solve(residuals, slopes, begin[searched], bounds, evaluations)
+        solution = solve(residuals, slopes, begin[searched], bounds, evaluations, method)
         residuals(solution.x)
         solution.x = latest.unknowns
         return solution
@@ -325,3 +329,19 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
     if few < evaluations and solution.status == EVALUATIONS_USED:
         solution = problem.solve(solution.x, evaluations)
     return Fit(problem=problem, x=solution.x, cost=float(solution.cost))
+
+
+def finish(start: Fit, evaluations: int = 60) -> Fit:
+    """Search on from a fit until it does not improve any more.
+
+    Where parameters nearly replace each other, or the best value of one is next to its bound, the
+    interior solver creeps, and rounding errors decide where its evaluations end. The solver
+    "dogbox" reaches the end within few evaluations.
+
+    - `evaluations`: largest number of evaluations.
+    """
+    solution = start.problem.solve(start.x, evaluations, "dogbox")
+    cost = float(solution.cost)
+    if cost >= (1 - LEAST_GAIN) * start.cost:
+        return start
+    return Fit(problem=start.problem, x=solution.x, cost=cost)

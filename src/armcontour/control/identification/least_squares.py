@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -51,6 +51,7 @@ def solve(
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
     evaluations: int,
+    method: Literal["trf", "dogbox"] = "trf",
     cost_tolerance: float = 1e-9,
 ) -> Any:
     """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
@@ -68,6 +69,8 @@ def solve(
     - `start`: initial unknowns, (n,).
     - `bounds`: lower and upper bounds, (n,) each.
     - `evaluations`: largest number of evaluations.
+    - `method`: solver of scipy: the interior "trf", which finds the valley of the minimum from far
+      away, or "dogbox", which is fast along a valley and next to a bound.
     - `cost_tolerance`: the search ends if an iteration reduces the sum of squares by less than this
       fraction.
 
@@ -93,6 +96,7 @@ def solve(
             start,
             reduced_slopes,
             bounds=bounds,
+            method=method,
             x_scale="jac",
             max_nfev=evaluations,
             ftol=cost_tolerance,

@@ -27,7 +27,7 @@ from armcontour.control.identification.cross_validation import (
     predict_parts,
 )
 from armcontour.control.identification.initial_parameters import initial_parameters
-from armcontour.control.identification.joint_fit import Fit, Problem, fit
+from armcontour.control.identification.joint_fit import Fit, Problem, finish, fit
 from armcontour.control.identification.log_segments import (
     LogSegment,
     find_lag,
@@ -164,6 +164,7 @@ class _Trials:
         elif order != "delay" and not self.best.explains_all:
             self.add(Model(order, (*free, FRICTION)))
         self._drop_open_dead_time()
+        self._finish()
 
     def find_rivals(self) -> list[JointServo]:
         """Return servos of the other models with nearly the same error as the best model."""
@@ -240,6 +241,15 @@ class _Trials:
         loop = self.best.fit.problem.model.order != "delay"
         if loop and not estimate_parameters(self.best.fit, self.best.without)[DELAY].determined:
             self._drop(DELAY)
+
+    def _finish(self) -> None:
+        """Search on from the fit of the best model, and predict its parts again if it improves."""
+        assert self.best is not None
+        creeping = self.best
+        finished = finish(creeping.fit)
+        if finished is not creeping.fit:
+            self.best = predict_parts(finished)
+            self.tried = [x for x in self.tried if x is not creeping]
 
     def _drop(self, name: str) -> None:
         """Remove a parameter unless the best model is significantly worse without it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path as FilePath
 from typing import Any
@@ -454,7 +454,26 @@ def with_more_shapes(
         return arm
     # The file is read now, so that a file that is missing or not allowed is refused at once.
     content = b"" if srdf is None else file_access.read_bytes(srdf, "SRDF file")
+    if srdf is not None:
+        arm = _note_unknown_links(arm, srdf, content, [x.name for x in shapes])
     return arm.with_shapes(partial(_combine_shapes, arm, shapes, srdf, content))
+
+
+def _note_unknown_links(arm: Arm, srdf: FilePath, content: bytes, further: Sequence[str]) -> Arm:
+    """Add a note on the links of an SRDF file that the arm does not have.
+
+    The links of arms without a description (.urdf) are not known, so these arms get no note.
+    `further`: names of shapes that the arm has in addition to the links of its description.
+    """
+    if not arm.source.lower().endswith(DESCRIPTION):
+        return arm
+    from armcontour.files.robots.collision_shapes import note_unknown_links
+    from armcontour.files.robots.urdf_tree import read_tree
+
+    description = FilePath(arm.source)
+    tree = read_tree(arm.source, file_access.read_bytes(description, "robot description"))
+    note = note_unknown_links(content, srdf, tree.file, [*tree.links, *further])
+    return arm if not note else arm._copy(notes=(*arm.notes, note))
 
 
 def _combine_shapes(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from pathlib import Path as FilePath
@@ -10,6 +11,7 @@ from pathlib import Path as FilePath
 from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
+from armcontour.core.guesses import suggest
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.urdf_chain import origin_of, read_attribute, read_numbers
@@ -20,6 +22,8 @@ from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, S
 MAX_FILES = 4
 # Maximum number of parent folders in which the package of a description is searched.
 MAX_UP = 4
+# Number of characters of a package's manifest in which its name is searched.
+LONGEST_MANIFEST = 65_536
 
 
 def excluded_pairs_of(
@@ -28,13 +32,7 @@ def excluded_pairs_of(
     """Return the pairs of links that an SRDF file excludes from distance checks, with reasons."""
     # Typical reasons are "Never" (the pair never touched in random configurations) and "Default"
     # (the pair always touched).
-    robot = parse_xml(str(location), content)
-    if robot.tag != "robot":
-        raise InvalidInput(
-            f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
-            "<robot>."
-        )
-    disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
+    disabled = _disabled_pairs(content, location)
     every = {x.first for x in disabled} | {x.second for x in disabled}
     if every and not every & set(links):
         raise InvalidInput(
@@ -44,6 +42,41 @@ def excluded_pairs_of(
         )
     pairs = {frozenset((x.first, x.second)): x for x in disabled}
     return tuple(x for pair, x in pairs.items() if pair <= set(links))
+
+
+def note_unknown_links(
+    content: bytes, location: FilePath, description: str, links: Collection[str]
+) -> str:
+    """Return a note on links that an SRDF file names, but an arm does not have.
+
+    - `description`: file of the arm.
+    - `links`: names of the arm's links.
+    """
+    named: dict[str, None] = {}
+    for pair in _disabled_pairs(content, location):
+        named |= {pair.first: None, pair.second: None}
+    unknown = []
+    for name in named:
+        if name not in links:
+            meant = suggest(name, links, "")
+            unknown.append(f"{show(name)} ({meant})" if meant else show(name))
+    if not unknown:
+        return ""
+    return (
+        f"{location.name}: pairs of links with {list_some(unknown, MAX_NAMED)} are ignored, "
+        f"because {FilePath(description).name} has no links with these names."
+    )
+
+
+def _disabled_pairs(content: bytes, location: FilePath) -> list[LeftOut]:
+    """Return the pairs of links that an SRDF file excludes, whether or not the arm has them."""
+    robot = parse_xml(str(location), content)
+    if robot.tag != "robot":
+        raise InvalidInput(
+            f"{location} is not an SRDF file, because its root element is <{robot.tag}>, not "
+            "<robot>."
+        )
+    return [_pair(x, location) for x in robot.findall("disable_collisions")]
 
 
 def _pair(element: ET.Element, location: FilePath) -> LeftOut:
@@ -166,10 +199,24 @@ def _advise_mesh(name: str) -> str:
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """Nearest folder with the name of a ROS package: a parent, or a subfolder of a parent."""
+    """Nearest folder of a ROS package: a parent with its name or manifest, or a parent's subfolder.
+
+    A repository often gives the folder another name than the package.
+    """
     for near in (folder, *folder.parents[:MAX_UP]):
-        if near.name == name:
+        if near.name == name or _package_of(near) == name:
             return near
         if (near / name).is_dir():
             return near / name
     return None
+
+
+def _package_of(folder: FilePath) -> str:
+    """Name of the ROS package whose manifest `package.xml` is in a folder; empty without one."""
+    manifest = folder / "package.xml"
+    if not manifest.is_file():
+        return ""
+    with manifest.open(encoding="utf-8", errors="replace") as file:
+        text = file.read(LONGEST_MANIFEST)
+    name = re.search(r"<name>\s*([^<\s]+)\s*</name>", text)
+    return name.group(1) if name else ""

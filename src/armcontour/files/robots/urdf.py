@@ -226,7 +226,12 @@ def _default_tip(tree: Tree, base: str) -> str:
     tip = next((x for x in TOOL_FRAMES if x in tree.links), None)
     if tip is not None:
         return tip
-    ends = [x.child for x in tree.below(base) if not tree.child_joints(x.child)]
+    below = tree.below(base)
+    if all(x.kind == "fixed" for x in below):
+        raise InvalidInput(
+            f"{tree.file} does not describe an arm, because no joint below the link {base} moves."
+        )
+    ends = [x.child for x in below if not tree.child_joints(x.child)]
     raise InvalidInput(
         f"{tree.file} has no link {' or '.join(TOOL_FRAMES)}, so its tip must be specified with "
         f"tip= (in a job, arm.tip; on the command line, --arm JOB). Links without a child are "

@@ -24,6 +24,12 @@ MAX_MIMICS = 50
 MAX_HELD = 8
 # Largest position, axis component, mass or inertia [SI]; products of larger numbers may overflow.
 LARGEST = 1e9
+# Masses [kg] and radii of gyration [m] above these values get a note, because links of the largest
+# robots have about 3 t and are about 3 m long. The file then probably has other units.
+HEAVIEST = 20_000.0
+LARGEST_GYRATION = 10.0
+# Maximum number of faults in inertial data that a note lists.
+MAX_FAULTS = 4
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -323,10 +329,9 @@ class Description:
         """
         faults, has_bodies = self._inertia_faults(carried)
         if has_bodies and faults:
-            others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
             self.notes.append(
-                f"masses, torques and effort limits are ignored, because {faults[0]}{others}; only "
-                "kinematics are known"
+                "masses, torques and effort limits are ignored, because "
+                f"{list_some(faults, MAX_FAULTS)}; only kinematics are known"
             )
         elif not has_bodies and any(
             joint.number("limit", "effort", self.tree.file) is not None for joint in self.moving
@@ -334,7 +339,32 @@ class Description:
             self.notes.append(
                 "effort limits are ignored, because no link has a mass; only kinematics are known"
             )
+        if has_bodies and not faults:
+            self._note_implausible_bodies(carried)
         return has_bodies and not faults
+
+    def _note_implausible_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> None:
+        """Note moving links whose masses or inertias are possible, but not those of an arm."""
+        found = []
+        for joint in self.below:
+            link, _ = carried[joint.child]
+            body = self._body(joint.child) if 0 < link <= len(self.moving) else None
+            if body is None:
+                continue
+            mass, _, inertia = body
+            moment = float(np.linalg.eigvalsh(inertia)[-1])
+            if mass > HEAVIEST:
+                found.append(f"the link {joint.child} has the mass {mass:g} kg")
+            elif moment > mass * LARGEST_GYRATION**2:
+                found.append(
+                    f"the link {joint.child} has a moment of inertia of {moment:.4g} kg m² at a "
+                    f"mass of {mass:g} kg"
+                )
+        if found:
+            self.notes.append(
+                f"{list_some(found, MAX_FAULTS)}, which no link of an arm has; torques depend on "
+                "it. Check that the units are kg and kg m²"
+            )
 
     def _inertia_faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
         """Describe faults in the inertial data; also return whether any link has such data."""

@@ -184,7 +184,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
             "<robot>."
         )
     check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
-    if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
+    if _needs_xacro(robot):
         raise InvalidInput(f"{file} has xacro elements that are not expanded. {ENDINGS['.xacro']}.")
     links: dict[str, ET.Element] = {}
     version = robot.get("version", "1.0")
@@ -210,6 +210,24 @@ def read_tree(file: str, content: bytes | str) -> Tree:
     if not roots or len(tree.below(roots[0])) < len(joints):
         raise InvalidInput(f"The links of {file} must form a tree, but some joints form a loop.")
     return tree
+
+
+def _needs_xacro(robot: ET.Element) -> bool:
+    """Return whether a description must be expanded by xacro.
+
+    Definitions of properties and arguments that no attribute uses have no effect.
+    """
+    used = {str(x.tag).rpartition("xacro}")[2] for x in robot if _is_xacro(x)}
+    if not used <= {"property", "arg"}:
+        return True
+    return bool(used) and any(
+        mark in value for x in robot.iter() for value in x.attrib.values() for mark in ("${", "$(")
+    )
+
+
+def _is_xacro(element: ET.Element) -> bool:
+    """Return whether an element is in a namespace of xacro."""
+    return str(element.tag).startswith("{") and "xacro" in str(element.tag)
 
 
 def _check_attributes(file: str, element: ET.Element, version: str) -> None:

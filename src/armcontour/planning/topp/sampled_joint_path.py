@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
+from armcontour.core.pool import split_evenly
 from armcontour.core.simd import LANES
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
@@ -28,6 +30,9 @@ from armcontour.planning.topp.limit_forms import (
 )
 
 Terms = tuple[FloatArray, FloatArray, FloatArray]
+# Largest number of samples at which the joint motion is kept; at more, it is computed in groups of
+# this many samples, because it would take most of the memory of a long plan.
+SAMPLES_AT_ONCE = 16_384
 
 
 @compiled(fastmath=FUSED)
@@ -173,6 +178,18 @@ class SampledJointPath:
     def motion(self) -> Terms:
         """q, dq_ds and d2q_ds2 at all samples, (samples, dof) each."""
         return self.grid.joint_path.motion(*self.places)
+
+    def terms_of(self, function: Callable[[FloatArray, FloatArray, FloatArray], Terms]) -> Terms:
+        """Return three functions of q, dq_ds and d2q_ds2 at all samples, (samples, dof) each."""
+        pieces, s = self.places
+        count = len(s)
+        if count <= SAMPLES_AT_ONCE:
+            return function(*self.motion)
+        joint_path = self.grid.joint_path
+        a, b, c = (np.empty((count, joint_path.dof)) for _ in range(3))
+        for group in split_evenly(count, -(-count // SAMPLES_AT_ONCE)):
+            a[group], b[group], c[group] = function(*joint_path.motion(pieces[group], s[group]))
+        return a, b, c
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Return the rows `low <= a u + b x + c <= high` from samples of a, b and c.

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, kernel_array
+from armcontour.core.kernel_cache import compiled
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 
@@ -48,10 +49,15 @@ class Guide:
         - `stops`: those arc lengths in `s` at which the tool stops [m].
         """
         n, free, dof = w.shape
-        turned = [np.eye(free)]
-        for turn in _basis_rotations(w):
-            turned.append(turned[-1] @ turn)
-        values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
+        turned = np.empty((n, free, free))
+        turned[0] = np.eye(free)
+        turns = _basis_rotations(w)
+        if free == 1:
+            turned[1:] = np.cumprod(turns, axis=0)
+        else:
+            for k, turn in enumerate(turns):
+                turned[k + 1] = turned[k] @ turn
+        values = np.concatenate([q, (turned @ w).reshape(n, free * dof)], axis=1)
         cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
         # Sections of one interval are lines.
         coefficients = np.zeros((n - 1, 6, values.shape[1]))
@@ -69,14 +75,47 @@ class Guide:
         - `middle`: arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
           select the interval.
         """
-        interval = np.searchsorted(self.s, middle) - 1
-        k = np.arange(6)
-        x = (s - self.s[interval])[:, None]
-        one = k * x ** np.maximum(k - 1, 0)
-        two = k * (k - 1) * x ** np.maximum(k - 2, 0)
-        values = np.stack([x**k, one, two], axis=1) @ self.coefficients[interval]
-        g, w = (np.ascontiguousarray(x) for x in np.split(values, [self.dof], axis=2))
-        return w.reshape(len(s), 3, -1, self.dof), g
+        n = len(s)
+        free = self.coefficients.shape[2] // self.dof - 1
+        g = np.empty((n, 3, self.dof))
+        w = np.empty((n, 3, free * self.dof))
+        _write_splines(self.s, self.coefficients, kernel_array(s), kernel_array(middle), g, w)
+        return w.reshape(n, 3, free, self.dof), g
+
+
+@compiled()
+def _write_splines(
+    knots: FloatArray,
+    coefficients: FloatArray,
+    s: FloatArray,
+    middle: FloatArray,
+    g: FloatArray,
+    w: FloatArray,
+) -> None:
+    """Write g and the rows of w with two derivatives along s, (n, 3, dof) and (n, 3, free dof).
+
+    - `knots`, `coefficients`: as in `Guide`.
+    - `s`, `middle`: as in `Guide.evaluate`.
+    """
+    dof = g.shape[2]
+    for i in range(len(s)):
+        interval = np.searchsorted(knots, middle[i]) - 1
+        u = s[i] - knots[interval]
+        for k in range(coefficients.shape[2]):
+            # Horner's method for the value and half of the second derivative
+            value = slope = half_curvature = 0.0
+            for power in range(5, -1, -1):
+                half_curvature = half_curvature * u + slope
+                slope = slope * u + value
+                value = value * u + coefficients[interval, power, k]
+            if k < dof:
+                g[i, 0, k] = value
+                g[i, 1, k] = slope
+                g[i, 2, k] = 2.0 * half_curvature
+            else:
+                w[i, 0, k - dof] = value
+                w[i, 1, k - dof] = slope
+                w[i, 2, k - dof] = 2.0 * half_curvature
 
 
 def _basis_rotations(w: FloatArray) -> FloatArray:

@@ -53,8 +53,8 @@ class Knots:
         """Number of intervals."""
         return len(self.segment)
 
-    def part(self, selection: BoolArray | IntArray) -> Knots:
-        """Select intervals by a mask or by indices."""
+    def part(self, selection: BoolArray | IntArray | slice) -> Knots:
+        """Select intervals by a mask, by indices or by a slice."""
         return Knots(**{name: getattr(self, name)[selection] for name in Knots.__slots__})
 
     def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:

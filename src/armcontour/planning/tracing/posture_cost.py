@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.planning.tracing.positioner_tilt import INNER_TILT, chord_of, tilt_of, turn_down
 from armcontour.robot import SerialArm
 
@@ -59,6 +61,40 @@ def paces(arm: SerialArm) -> FloatArray:
     return np.asarray(pace * np.asarray(arm.chain.weights))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Joints:
+    """Ranges and weights of an arm's joints, which are the same for all its joint paths."""
+
+    middle: FloatArray  # Middle of each range [rad], (dof,)
+    half: FloatArray  # Half of its length [rad], (dof,)
+    pace: FloatArray  # Weights of joint moves, (dof,)
+    # Joints of the arm on its external axes, which stay away from singularities, (k,); only six or
+    # more joints can
+    kept_regular: IntArray
+    # The largest weight, at least 1: a heavy axis must not outweigh the costs of a tilt or a
+    # singular posture.
+    heaviest: float
+    outer: float  # Factor of the additional cost beyond OUTER_RANGE
+
+
+@lru_cache(maxsize=8)
+def _joints_of(arm: SerialArm) -> _Joints:
+    """Return the ranges and weights of an arm's joints, from a cache."""
+    middle, half = middle_and_half(arm)
+    external = arm.chain.external
+    arm_joints = np.setdiff1d(np.arange(arm.dof), external)
+    stays_away = len(external) and len(arm_joints) >= 6
+    heaviest = max(1.0, float(np.asarray(arm.chain.weights).max()))
+    return _Joints(
+        middle=middle,
+        half=half,
+        pace=paces(arm),
+        kept_regular=arm_joints if stays_away else arm_joints[:0],
+        heaviest=heaviest,
+        outer=OUTER_FACTOR * heaviest if len(external) else 0.0,
+    )
+
+
 class PostureCost:
     """Cost of a joint path: squares of weighted joint steps, and of excesses over inner ranges."""
 
@@ -74,7 +110,12 @@ class PostureCost:
         # `s`: arc lengths [m], (n,); `q`: joint positions in several configurations [rad], (paths,
         # n, dof); `axes`: required tool axes, (n, 3); `cone`: largest angle from them [rad]; 0 if
         # the tool axis does not change.
-        self.middle, self.half = middle_and_half(arm)
+        joints = _joints_of(arm)
+        self.middle = joints.middle
+        self.half = joints.half
+        self.arm_joints = joints.kept_regular
+        self.heaviest = joints.heaviest
+        self.outer = joints.outer
         self.outside = RANGE_WEIGHT / np.sqrt(len(s))
         self.leaning = LEANING_WEIGHT / np.sqrt(len(s))
         self.arm = arm
@@ -82,20 +123,11 @@ class PostureCost:
         tilt = tilt_of(arm.chain)
         self.chord = None if tilt is None else chord_of(tilt)
         self.cone_chord = None if cone == 0.0 else chord_of(cone)
-        # Joints of the arm on its external axes, which stay away from singularities; only six or
-        # more joints can.
-        arm_joints = np.setdiff1d(np.arange(arm.dof), arm.chain.external)
-        stays_away = len(arm.chain.external) and len(arm_joints) >= 6
-        self.arm_joints = arm_joints if stays_away else arm_joints[:0]
         # Fractions of a step that are tried. A step may leave the inner range of the tilt, whose
         # cost the linearized cost does not include.
         is_quadratic = tilt is None and not len(self.arm_joints) and cone == 0.0
         self.shares = (1.0,) if is_quadratic else SHARES
-        pace = paces(arm)
-        weights = np.asarray(arm.chain.weights)
-        # A heavy axis must not outweigh the costs of a tilt or a singular posture.
-        self.heaviest = max(1.0, float(weights.max()))
-        self.outer = OUTER_FACTOR * self.heaviest if len(arm.chain.external) else 0.0
+        pace = joints.pace
         steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
         whole = steps.sum(axis=1, keepdims=True)
         path_share = np.diff(s) / (s[-1] - s[0])

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput, Unreachable
+from armcontour.core.pool import split_evenly
 from armcontour.geometry import Path
 from armcontour.geometry.path import cut_path
 from armcontour.geometry.segments import REPEATED_POINT
@@ -80,6 +81,9 @@ WHOLE_ROTATIONS = (4, 6)
 STEPS_BETWEEN = 200
 # Distance between the points of a sketch, divided by the span of the arm.
 SKETCHED = 0.01
+# Largest number of intervals between knots that are solved at once. More do not fit into the
+# processor's cache, and their tables would take most of the memory of a long path.
+INTERVALS_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,9 +145,16 @@ class Solver(ABC, Generic[A]):
 
         Also return the joint positions in the middle of the intervals, (n, dof).
         """
-        q = np.tensordot(POWERS, quintic(knots.u1 - knots.u0, start, end), (1, 1))
-        errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
-        return np.asarray(errors.reshape(-1, len(knots)).max(axis=0)), q[MIDDLE]
+        largest = np.empty(len(knots))
+        middle = np.empty_like(start[0])
+        for rows in _rows_at_once(len(knots)):
+            part = knots.part(rows)
+            curves = quintic(part.u1 - part.u0, _select(start, rows), _select(end, rows))
+            q = np.tensordot(POWERS, curves, (1, 1))
+            errors = self.tool_errors(*part.places(), q.reshape(-1, q.shape[2]))
+            largest[rows] = errors.reshape(-1, len(part)).max(axis=0)
+            middle[rows] = q[MIDDLE]
+        return largest, middle
 
     def refuse_stop(self, s: float, *q: FloatArray) -> NoReturn:
         """Raise Unreachable at a point of the path behind which the joint path does not go on.
@@ -263,6 +274,11 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
     return JointPath.hermite(breaks, start, end, stops=path.stops, tool_path=path)
 
 
+def _rows_at_once(count: int) -> list[slice]:
+    """Divide intervals between knots into groups of at most INTERVALS_AT_ONCE."""
+    return split_evenly(count, -(-count // INTERVALS_AT_ONCE))
+
+
 def _select(ends: Ends, selection: BoolArray | IntArray | slice) -> Ends:
     """Select rows of q, dq_ds and d2q_ds2."""
     q, dq_ds, d2q_ds2 = ends
@@ -287,20 +303,34 @@ class NumericSolver(Solver[SerialArm]):
 
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """Return q, dq_ds and d2q_ds2 at distances `u` [m] along the segments, (n, dof) each."""
+        assert guess is not None
         q = np.array(guess, order="C")
+        dq_ds = np.empty_like(q)
+        d2q_ds2 = np.empty_like(q)
+        for rows in _rows_at_once(len(u)):
+            ends = q[rows], dq_ds[rows], d2q_ds2[rows]
+            self._write_ends(knots.part(rows), u[rows], guess[rows], ends)
+        return q, dq_ds, d2q_ds2
+
+    def _write_ends(self, knots: Knots, u: FloatArray, guess: FloatArray, ends: Ends) -> None:
+        """Write `ends` of some intervals; q contains the guess before.
+
+        - `ends`: q, dq_ds and d2q_ds2, (n, dof) each.
+        - other arguments: as of `ends`.
+        """
+        q, dq_ds, d2q_ds2 = ends
         poses, rates = motion_at(self.path, knots, u)
         w, g = self._rows(knots, u)
         links = self.arm.link_table
         solved = pose_solver.solve_poses(links, self.task, q, poses, w, g)
-        dq_ds, d2q_ds2, pivot_ratio = pose_solver.path_derivatives(
-            links, self.task, q, poses, rates, w, g
-        )
-        bad = ~(solved & (pivot_ratio > SINGULAR_JACOBIAN) & np.isfinite(d2q_ds2).all(axis=1))
+        found = pose_solver.path_derivatives(links, self.task, q, poses, rates, w, g)
+        dq_ds[:] = found.dq_ds
+        d2q_ds2[:] = found.d2q_ds2
+        bad = ~(solved & (found.pivot_ratio > SINGULAR_JACOBIAN))
+        bad |= ~np.isfinite(d2q_ds2).all(axis=1)
         if bad.any():
-            assert guess is not None
             first = int(np.argmax(bad))
             self.refuse_stop(float(knots.arc_lengths(u)[first]), guess[first], q[first])
-        return q, dq_ds, d2q_ds2
 
     def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
         """Return the larger ratio of position and orientation error to its tolerance, (n,)."""

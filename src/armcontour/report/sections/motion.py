@@ -41,7 +41,7 @@ def over_time(job_result: JobResult) -> Section:
     """Make the section with tool speed, active limits and contour error over time."""
     text = ""
     mouse = ""
-    if _is_squeezed(job_result):
+    if _largest_shown(job_result) is not None:
         text += "Speeds of rapids are cut off at the top. "
         mouse = "Double-click the plot to show them."
     if any(x.experiment is not None for x in job_result.runs.values()):
@@ -80,9 +80,8 @@ def plot_speed(job_result: JobResult) -> Plot:
         t = result.motion.t
         y = result.motion.tool_speed * 1e3
         curves.append(Curve(x=t, y=y, name=name, colour=colours[name], width=widths[name]))
-    visible = (
-        (0.0, 1.2 * _largest_on_contours(job_result) * 1e3) if _is_squeezed(job_result) else None
-    )
+    largest = _largest_shown(job_result)
+    visible = None if largest is None else (0.0, 1.2 * largest * 1e3)
     return Plot(label="speed [mm/s]", curves=(*curves, *_assigned(job_result)), limits=visible)
 
 
@@ -172,10 +171,14 @@ def _plans(job_result: JobResult) -> dict[str, RunResult]:
     return {", ".join(names): job_result.runs[names[0]] for names in names_of_plan.values()}
 
 
-def _is_squeezed(job_result: JobResult) -> bool:
-    """Return whether contours are much slower than rapids; then the axis is scaled to contours."""
+def _largest_shown(job_result: JobResult) -> float | None:
+    """Return the largest speed that the axis shows [m/s]; None if it shows all speeds.
+
+    If contours are much slower than rapids, the axis is scaled to the contours.
+    """
     fastest = max(float(x.motion.tool_speed.max()) for x in job_result.runs.values())
-    return _largest_on_contours(job_result) < SQUEEZED * fastest
+    on_contours = _largest_on_contours(job_result)
+    return on_contours if on_contours < SQUEEZED * fastest else None
 
 
 def _largest_on_contours(job_result: JobResult) -> float:

@@ -17,9 +17,11 @@ from armcontour.core.render import number
 from armcontour.core.text import Keys, plain_number
 from armcontour.files.file_keys import in_si, read_keys
 from armcontour.files.job_model import FrameModel, OrientationModel
+from armcontour.files.job_path import ORIENTATION_IGNORED
 from armcontour.files.job_text_edits import Change, value_at
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
+from armcontour.jobs import Job
 from armcontour.studio.handles import ANGLE, EXACT, LENGTH, EditState, Handles, uv_of
 
 # Maximum rounding error of written angles [rad].
@@ -89,6 +91,22 @@ def _vector(
     return Change(keys, values)
 
 
+def tilt_ignored(job: Job, data: Mapping[str, Any]) -> str | None:
+    """Return why the tilt has no effect: the file states the tool axes; None if it has one."""
+    path = data.get("path")
+    if not isinstance(path, Mapping) or "file" not in path:
+        return None
+    program = job.program
+    is_ignored = any(x.startswith(ORIENTATION_IGNORED) for x in program.notes)
+    # Without an orientation in the job, those of the contours are from the file.
+    is_from_file = "orientation" not in path and any(
+        x.path.orientation is not None for x in program.contours
+    )
+    if not is_ignored and not is_from_file:
+        return None
+    return f"{path['file']} states the tool axis along its contours, so the tilt has no effect."
+
+
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
     """Return the tool axis's angle from -z and azimuth [deg]; None if planar or several axes."""
     tool_orientation = None if handles.job.arm.dimension == 2 else _find_orientation(data)
@@ -112,6 +130,9 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "The tilt of the tool cannot be set here, because path.orientation is a list or the "
             "arm is planar. Edit path.orientation in the job file."
         )
+    why_not = tilt_ignored(state.handles.job, state.data)
+    if why_not is not None:
+        raise InvalidInput(f"{why_not} Change the tool axes in the file.")
     angle, towards = (_degrees(name, edit.get(name, now[name])) for name in ("angle", "towards"))
     horizontal = math.sin(angle)
     new_axis = np.array(

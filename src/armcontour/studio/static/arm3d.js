@@ -2,7 +2,7 @@
 
 import { alarmedBodies, contactAt, contactsOf } from "./collision.js";
 import { heat, shadeOf, styleOf, themed } from "./colours.js";
-import { draw, find, make, say } from "./dom.js";
+import { draw, find, make, mark, say } from "./dom.js";
 import { EdgeTool } from "./edge_tool.js";
 import { headOf, knownOf } from "./figures.js";
 import { short, textOf } from "./format.js";
@@ -187,7 +187,10 @@ class ArmView {
     this.offer();
     // Check `hidden` first, because reading a height makes the browser compute the layout.
     const arm = this.store.latest("arm");
-    if (this.region.hidden || this.region.clientHeight === 0 || !arm) return;
+    // The cell of another job is not shown while a job is opened.
+    mark(this.region, "data-cell", arm ? arm.head.name : "");
+    if (this.region.hidden || this.region.clientHeight === 0) return;
+    if (!arm) return this.describe();
     this.load(arm);
     this.read(arm);
     this.pose(arm);
@@ -291,11 +294,14 @@ class ArmView {
   /** @param {Motion | null} motion @returns {string} */
   noteText(motion) {
     if (this.problem) return this.problem;
+    if (!this.store.latest("arm")) return this.viewer ? "The cell of the job that is opened follows." : "";
     // Next to the drawing, the drawing or the messages show the sentence.
     if (contactsOf(this.store).length > 0) return "";
     if (this.store.refusal) return this.store.options.stage === "3d" ? this.store.refusal.head.sentence : "";
-    const { nearest, obstacle_t: near } = headOf(this.store);
-    const pair = knownOf(this.store).rows.get(nearest?.t === this.store.time ? "clearance.low" : near === this.store.time ? "obstacle" : "");
+    const { nearest, obstacle_t: toObstacle, own_links_t: ownLinks } = headOf(this.store);
+    const times = { obstacle: toObstacle, own_links: ownLinks, "clearance.low": nearest?.t };
+    const [name = ""] = Object.entries(times).find(([, t]) => t === this.store.time) ?? [];
+    const pair = knownOf(this.store).rows.get(name);
     if (pair) return `Nearest here: ${pair.note}, ${textOf(pair)}`;
     if (!motion) return "No motion yet: the arm is at zero.";
     if (this.store.options.time === "executed" && motion.of === "planned") return "The executed motion is not there yet: this is the planned one.";

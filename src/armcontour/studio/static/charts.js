@@ -5,6 +5,8 @@ import { find, make, say, whileSeen } from "./dom.js";
 import { rowOf, short, textOf } from "./format.js";
 import { largest } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
+import { lengthUnit } from "./length_unit.js";
+import { inches, shownRow } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -24,7 +26,7 @@ const DEMANDS = /** @type {const} */ ([["velocity", "usage_v"], ["acceleration",
 
 /** A chart with title, sentence, and curves with their values at the shown time. */
 class Chart {
-  /** @param {string} name @param {string} title @param {string} xUnit @param {(x: number) => void} choose called with the place under the pointer */
+  /** @param {string} name @param {string} title @param {() => string} xUnit unit of the horizontal axis @param {(x: number) => void} choose called with the place under the pointer */
   constructor(name, title, xUnit, choose) {
     this.xUnit = xUnit;
     this.choose = choose;
@@ -48,7 +50,7 @@ class Chart {
     say(this.summary, summary);
     const { default: Plot } = await import("./vendor/uplot.js");
     const data = /** @type {uPlot.AlignedData} */ (/** @type {unknown} */ ([x, ...curves.map(({ y }) => y)]));
-    const signature = JSON.stringify([document.documentElement.dataset.theme, unit, limits, curves.map(({ label, colour }) => [label, colour])]);
+    const signature = JSON.stringify([document.documentElement.dataset.theme, this.xUnit(), unit, limits, curves.map(({ label, colour }) => [label, colour])]);
     if (signature === this.signature) this.plot?.setData(data);
     else {
       this.plot?.destroy();
@@ -80,7 +82,7 @@ class Chart {
       scales: { x: { time: false }, y: { range: (_u, low, high) => rangeOf([low ?? 0, high ?? 0, 0, ...limits]) } },
       axes: [{ ...axis, size: 26 }, { ...axis, size: 46 }],
       series: [
-        { label: "at", value: text(this.xUnit) },
+        { label: "at", value: text(this.xUnit()) },
         ...curves.map(({ label, colour, dash }) => ({ label, dash, stroke: colour, width: 1.6, points: { show: false }, value: text(unit) })),
       ],
       hooks: { drawClear: [(u) => drawLimits(u, limits)] },
@@ -103,10 +105,12 @@ function drawLimits(u, limits) {
 
 /** @param {Frame} picture @returns {Content} */
 function speedContent({ arrays: { path_s: s, speed, assigned } }) {
-  const scaled = (/** @type {Numbers} */ values) => Array.from(values, (x) => (Number.isFinite(x) ? 1000 * x : null));
+  const { unit: length, factor } = lengthUnit();
+  const scaled = (/** @type {Numbers} */ values) => Array.from(values, (x) => (Number.isFinite(x) ? x / factor : null));
   const curves = [{ label: "tool", colour: themed("--executed"), y: scaled(speed) }];
   if (assigned.some(Number.isFinite)) curves.unshift({ label: "assigned", colour: themed("--faint"), y: scaled(assigned) });
-  return { x: s.map((x) => 1000 * x), unit: "mm/s", curves, summary: `At most ${short(1000 * largest(speed), 3)} mm/s.` };
+  const unit = `${length}/s`;
+  return { x: s.map((x) => x / factor), unit, curves, summary: `At most ${short(largest(speed) / factor, 3)} ${unit}.` };
 }
 
 /** @param {Frame} picture @param {Numbers} usage (m, dof) @param {string[]} names of the joints @returns {Content | null} */
@@ -131,18 +135,20 @@ const jointLabel = (k, name) => `${k + 1} ${name.replace(/_?joint_?\d*$/, "").re
 /** @param {Frame} executed @returns {Content} */
 function errorContent({ head, arrays: { t, error, breaks } }) {
   const [max, rms] = ["max", "rms"].map((x) => rowOf(head, `contour_error.${x}`));
-  const [factor, unit] = max.value >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
+  const [perMetre, metric] = max.value >= 1e-3 ? [1e3, "mm"] : [1e6, "µm"];
+  // In inches, small errors are in thousandths of an inch.
+  const [factor, unit] = inches.value ? (max.value >= 1e-3 ? [1 / 0.0254, "in"] : [1 / 2.54e-5, "mil"]) : [perMetre, metric];
   // Between contours the error is not defined, so no line is drawn there.
   const y = Array.from(error, (x, k) => (breaks.includes(k) ? null : factor * x));
-  return { x: t, unit, curves: [{ label: "executed", colour: themed("--executed"), y }], summary: `At most ${textOf(max)}, root mean square ${textOf(rms)}.` };
+  return { x: t, unit, curves: [{ label: "executed", colour: themed("--executed"), y }], summary: `At most ${textOf(shownRow(max))}, root mean square ${textOf(shownRow(rms))}.` };
 }
 
 /** @param {Store} store */
 export function init(store) {
   const byTime = (/** @type {number} */ t) => store.setTime(t);
-  const speed = new Chart("speed", "Tool speed along the path", "mm", (s) => store.setPlace(s / 1000));
-  const demands = DEMANDS.map(([name]) => new Chart(name, `Joint ${name} as a share of its limit`, "s", byTime));
-  const error = new Chart("error", "Contour error of the executed tool", "s", byTime);
+  const speed = new Chart("speed", "Tool speed along the path", () => lengthUnit().unit, (s) => store.setPlace(s * lengthUnit().factor));
+  const demands = DEMANDS.map(([name]) => new Chart(name, `Joint ${name} as a share of its limit`, () => "s", byTime));
+  const error = new Chart("error", "Contour error of the executed tool", () => "s", byTime);
   const region = find("#charts");
   region.append(...[speed, ...demands, error].map((x) => x.element));
   const update = () => {
@@ -161,9 +167,9 @@ export function init(store) {
     region.classList.toggle("stale", store.refusal !== null);
     error.element.classList.toggle("stale", !store.isCurrent(executed));
   };
-  whileSeen(store, find("#tab-charts"), ["picture", "executed", "arm", "theme", "refusal"], nowAndThen(EVERY, update));
+  inches.subscribe(whileSeen(store, find("#tab-charts"), ["picture", "executed", "arm", "theme", "refusal"], nowAndThen(EVERY, update)));
   const point = nowAndThen(READING, () => {
-    speed.point(1000 * store.place);
+    speed.point(store.place / lengthUnit().factor);
     for (const x of [...demands, error]) x.point(store.time);
   });
   store.on("time", point);

@@ -1,5 +1,6 @@
 // Components that several regions render.
 
+import { shownText } from "./units.js";
 import { html, useLayoutEffect, useRef } from "./vendor/preact.js";
 
 /**
@@ -42,7 +43,7 @@ export const Remedies = ({ all = [], take }) => all.map((edits) => {
  * @param {{changes: {label: string, short: string, condition?: string, edits: object[]}[], brief?: boolean, link: import("./connection.js").Link, result?: string}} props
  */
 export const Changes = ({ changes, brief, link, result }) => changes.map(({ label, short, condition, edits }) =>
-  html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits, { result })}>${brief ? short : label}${condition && `, if ${condition}`}</button>`);
+  html`<button type="button" title=${brief && label} onClick=${() => link.edit(edits, { result })}>${shownText(brief ? short : label)}${condition && `, if ${condition}`}</button>`);
 
 /** Column heads; a name in brackets is for screen readers only. @param {{names: string[], words?: number}} props */
 export function Heads({ names, words = 0 }) {

@@ -6,6 +6,8 @@ const [DIGIT, HEIGHT] = [7, 13];
 const SMALL = 80;
 /** Distance of a number from the start of its contour, and the least distance between numbers [px]. */
 const [AWAY, GAP] = [9, 2];
+/** Size below which a contour is covered by its number, and the least distance between such numbers [px]. */
+const [COVERED, SPARSE] = [26, 44];
 
 /**
  * Start and size of a contour, see `marksOf`.
@@ -15,7 +17,8 @@ const [AWAY, GAP] = [9, 2];
  */
 
 /**
- * Place numbers in the middles of small contours, or else outside their starts; numbers without room are left out.
+ * Place numbers in the middles of small contours, or else outside their starts; numbers without room are left out. Where
+ * contours are so small that numbers cover them, only a few are shown; zooming in shows more.
  * The selected contour's number comes first.
  * @param {Mark[]} marks @param {import("./viewport.js").Viewport} view @param {number} selected -1: none @returns {Placed[]}
  */
@@ -25,8 +28,9 @@ export function placeNumbers(marks, view, selected) {
   const order = marks.map((_, k) => k);
   if (marks[selected]) order.unshift(...order.splice(selected, 1));
   for (const index of order) {
-    const { number } = marks[index];
-    const place = candidatesOf(marks[index], view).find(([x, y]) => isInside(x, y, view) && isFree(taken, x, y, number));
+    const { number, size } = marks[index];
+    const gap = size * view.scale < COVERED ? SPARSE : GAP;
+    const place = candidatesOf(marks[index], view).find(([x, y]) => isInside(x, y, view) && isFree(taken, x, y, number, gap));
     if (!place) continue;
     const placed = { number, x: place[0], y: place[1], index };
     found.push(placed);
@@ -52,19 +56,19 @@ function candidatesOf({ at, out, centre, number, size }, view) {
 /** @param {number} x @param {number} y @param {import("./viewport.js").Viewport} view */
 const isInside = (x, y, view) => x > 0 && y > 0 && x < view.width && y < view.height;
 
-/** Side of the cells in which placed numbers are searched [px]; numbers have at most six digits. */
-const CELL = 48;
+/** Side of the cells in which placed numbers are searched [px]: a number of six digits and the largest distance. */
+const CELL = 6 * DIGIT + SPARSE;
 
 /** @param {number} x @param {number} y */
 const cellOf = (x, y) => `${Math.floor(x / CELL)} ${Math.floor(y / CELL)}`;
 
-/** Return whether a number is over none of the placed ones. @param {Map<string, Placed[]>} taken @param {number} x @param {number} y @param {string} number */
-function isFree(taken, x, y, number) {
+/** Return whether a number is away from all placed ones. @param {Map<string, Placed[]>} taken @param {number} x @param {number} y @param {string} number @param {number} gap px */
+function isFree(taken, x, y, number, gap) {
   for (const dx of [-CELL, 0, CELL])
     for (const dy of [-CELL, 0, CELL])
       for (const other of taken.get(cellOf(x + dx, y + dy)) ?? []) {
-        const room = (widthOf(number) + widthOf(other.number)) / 2 + GAP;
-        if (Math.abs(x - other.x) < room && Math.abs(y - other.y) < HEIGHT + GAP) return false;
+        const room = (widthOf(number) + widthOf(other.number)) / 2 + gap;
+        if (Math.abs(x - other.x) < room && Math.abs(y - other.y) < HEIGHT + gap) return false;
       }
   return true;
 }

@@ -12,8 +12,8 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {{number: number, name: string, layer: string, t?: [number, number]}} Contour */
 
-/** Maximum number of listed contours; the others can be selected in the drawing. */
-const MOST = 500;
+/** Number of contours on a page of the list; and from which number of contours on they can be searched. */
+const [PAGE, SOUGHT_FROM] = [200, 12];
 
 /** Buttons of the selected row, with their keys. @type {[string, string, string, number][]} */
 const MOVES = [["ArrowUp", "↑", "earlier", -1], ["ArrowDown", "↓", "later", 1]];
@@ -41,6 +41,17 @@ export function init(store) {
   const region = find("#tab-contours");
   const all = () => /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
   let isMoved = false;
+  /** What the user searches among the contours; and the first row of the shown page. */
+  let [sought, first] = ["", 0];
+  /** Contours that the search finds: those that are run with their place in the motion, then the others. @returns {{contour: Contour, k: number}[]} */
+  const found = () => {
+    const left = /** @type {Contour[]} */ (store.latest("picture")?.head.left_out ?? []);
+    const rows = [...all().map((contour, k) => ({ contour, k })), ...left.map((contour) => ({ contour, k: -1 }))];
+    const words = sought.toLowerCase();
+    // A number is that of a contour; other words are in its name or layer.
+    const isFound = (/** @type {Contour} */ { number, name, layer }) => (/^\d+$/.test(words) ? String(number).startsWith(words) : `${name} ${layer}`.toLowerCase().includes(words));
+    return words ? rows.filter((x) => isFound(x.contour)) : rows;
+  };
   const select = (/** @type {number} */ k) => {
     isMoved = false;
     store.selectContour(store.options.contour === k ? -1 : k);
@@ -65,8 +76,8 @@ export function init(store) {
     const next = { ArrowDown: row?.nextElementSibling, ArrowUp: row?.previousElementSibling }[key]?.firstElementChild;
     if (!(next instanceof HTMLElement)) return;
     event.preventDefault();
-    const [k, to] = [row, next.parentElement].map((x) => [...(row?.parentElement?.children ?? [])].indexOf(/** @type {Element} */ (x)));
-    if (event.altKey) return move(k, to);
+    const [k, to] = [row, next.parentElement].map((x) => Number(/** @type {HTMLElement} */ (x).dataset.row));
+    if (event.altKey && Number.isInteger(k) && Number.isInteger(to)) return move(k, to);
     isMoved = false;
     next.focus();
   };
@@ -74,22 +85,45 @@ export function init(store) {
   const update = nowAndThen(READING, () => {
     const contours = all();
     if (region.hidden) return;
-    const more = contours.length - MOST;
     const known = layers();
-    const left = /** @type {Contour[]} */ (store.latest("picture")?.head.left_out ?? []);
+    const rows = found();
+    first = Math.min(first, PAGE * Math.floor(Math.max(0, rows.length - 1) / PAGE));
+    const shown = rows.slice(first, first + PAGE);
+    const count = contours.length + (store.latest("picture")?.head.left_out ?? []).length;
+    const page = (/** @type {number} */ by, /** @type {string} */ text) => html`<button type="button" disabled=${first + by < 0 || first + by >= rows.length} onClick=${() => turn(first + by)}>${text}</button>`;
     render(
       html`${known.length > 1 && html`<div class="layers" role="group" aria-label="Layers that are run">${known.map(([name, is]) =>
         html`<label class="field"><input type="checkbox" checked=${is} onChange=${(/** @type {any} */ e) => runLayer(name, e.target.checked)} />${name}${!is && html` <small>not run</small>`}</label>`)}</div>`}
-        <ol class="contours" onKeyDown=${walk}>${contours.slice(0, MOST).map(row)}${left.slice(0, MOST).map((x) => html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
-          <span class="grip" /><span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`)}</ol>
-        ${!contours.length && isKnown(store) && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}
-        ${more > 0 && html`<p class="quiet">${more} more: click them in the drawing.</p>`}`,
+        ${(count > SOUGHT_FROM || sought) && html`<input type="search" class="seek-contour" aria-label="Search contours" placeholder="Number, name or layer" value=${sought} onInput=${(/** @type {any} */ e) => seek(e.target.value.trim())} />`}
+        <ol class="contours" start=${first + 1} onKeyDown=${walk}>${shown.map(({ contour: x, k }) => (k >= 0 ? row(x, k) : html`<li><button type="button" class="left-out" title="Run it again" onClick=${() => runContour(x)}>
+          <span class="grip" /><span class="dot" /><span class="name">${contourLabel(x)}</span><small>${x.layer}</small><span class="time">not run +</span></button></li>`))}</ol>
+        ${sought && !rows.length && html`<p class="quiet" role="status">No contour matches "${sought}".</p>`}
+        ${rows.length > PAGE && html`<p class="acts pages">${page(-PAGE, "Earlier")}<span role="status">${first + 1} to ${first + shown.length} of ${rows.length}</span>${page(PAGE, "Later")}</p>`}
+        ${!contours.length && isKnown(store) && html`<p class="quiet">No contour yet: ${store.document?.model ? "click an edge of the part in the 3D view." : "draw one, or open a drawing."}</p>`}`,
       region,
     );
     // The focus goes with a moved row.
     if (isMoved && region.contains(document.activeElement)) /** @type {HTMLElement | null} */ (region.querySelector("[aria-pressed=true]"))?.focus();
   });
+  const turn = (/** @type {number} */ row) => {
+    first = row;
+    update();
+    region.querySelector("ol")?.scrollTo(0, 0);
+  };
+  const seek = (/** @type {string} */ words) => {
+    sought = words;
+    turn(0);
+  };
   for (const event of ["document", "picture", "refusal", "view", "theme"]) store.on(event, update);
+  store.on("reset", () => ([sought, first] = ["", 0]));
+  /** Show the page on which the selected contour is, without a search that does not find it. */
+  const turnToSelected = () => {
+    const { contour } = store.options;
+    if (contour < 0) return;
+    if (!found().some((x) => x.k === contour)) sought = "";
+    first = PAGE * Math.floor(found().findIndex((x) => x.k === contour) / PAGE);
+    update();
+  };
   let shown = -1;
   /** Scroll the list, but not the page, to a contour that was selected elsewhere. */
   const reveal = () => {
@@ -99,7 +133,10 @@ export function init(store) {
     list.scrollTop = Math.min(top, Math.max(list.scrollTop, top + row.offsetHeight - list.clientHeight));
   };
   store.on("view", () => {
-    if (store.options.contour !== shown) setTimeout(reveal, 2 * READING);
+    if (store.options.contour !== shown) {
+      turnToSelected();
+      setTimeout(reveal, 2 * READING);
+    }
     shown = store.options.contour;
   });
 }

@@ -1,6 +1,7 @@
 // Tolerance of a rounded corner as a position: the apex of the rounding on the corner's bisector.
 
 import { mm } from "./format.js";
+import { shownText } from "./units.js";
 
 /** @typedef {[number, number]} Point */
 /**
@@ -49,5 +50,5 @@ export function handledOf(picture) {
 
 /** @param {Corner} corner @returns {string} */
 export function wordsOf({ error, allowed, reason }) {
-  return `corner error ${mm(error)} mm of ${mm(allowed)} mm${reason ? `, ${reason}` : ""}`;
+  return shownText(`corner error ${mm(error)} mm of ${mm(allowed)} mm${reason ? `, ${reason}` : ""}`);
 }

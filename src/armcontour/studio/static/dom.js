@@ -81,6 +81,7 @@ export function give(content, name) {
 /**
  * Run a function after events, but only while its panel is visible; otherwise when it is visible again.
  * @param {import("./state.js").Store} store @param {HTMLElement} panel @param {string[]} events @param {() => void} update
+ * @returns {() => void} asks for a run, as an event does
  */
 export function whileSeen(store, panel, events, update) {
   let due = false;
@@ -91,4 +92,5 @@ export function whileSeen(store, panel, events, update) {
   const wish = oncePerFrame(run);
   for (const event of events) store.on(event, wish);
   store.on("view", () => due && wish());
+  return wish;
 }

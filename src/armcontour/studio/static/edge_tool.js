@@ -5,6 +5,7 @@ import { draw, find, grip, make, mark } from "./dom.js";
 import { ScreenEdges } from "./edge_pick.js";
 import { Gesture, dragged } from "./gesture.js";
 import { oncePerFrame } from "./state.js";
+import { shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -25,7 +26,7 @@ const SLOWEST = 40;
 const ANGLES = { work: "Work angle", travel: "Travel angle" };
 
 /** @param {number} length m @returns {string} */
-const mm = (length) => `${Number((1000 * length).toPrecision(4))} mm`;
+const mm = (length) => shownText(`${Number((1000 * length).toPrecision(4))} mm`);
 
 /** @param {Edge} edge @returns {string} */
 function nameOf({ kind, fold, length, radius, seam }) {

@@ -4,7 +4,8 @@ import { styleOf, verdictOf } from "./colours.js";
 import { Changes } from "./components.js";
 import { find, say } from "./dom.js";
 import { difference, fixed, NONE, whole } from "./format.js";
-import { timeOf, worstTime } from "./polylines.js";
+import { worstTime } from "./motion.js";
+import { timeOf } from "./polylines.js";
 import { nowAndThen, oncePerFrame, READING } from "./state.js";
 import { inches, shownRow, shownText } from "./units.js";
 import { html, render } from "./vendor/preact.js";
@@ -18,19 +19,20 @@ const MOST_ADVISED = 2;
 /** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
 /** Figures in display order; the duration of a run is between them. */
-const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["clearance.low", "obstacle", "contour_error.rms", "saturated"]];
+const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["obstacle", "own_links", "clearance.low", "contour_error.rms", "saturated"]];
 /** Names of figures that are shown before their values are known, or for a refused job. @type {Record<string, string>} */
 const NAMES = { kept: "verdict", duration: "motion" };
 /** For each figure, whether a value is an alarm. @type {Record<string, (value: any) => boolean>} */
-const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0 };
+const ALARMS = { saturated: (share) => share > 0, "clearance.low": (low) => low <= 0, obstacle: (low) => low <= 0, own_links: (low) => low <= 0 };
 /** Figures that can show their place in the motion: the times of the largest error and the nearest pair. @type {Record<string, ((store: Store) => number | undefined) | undefined>} */
 const PLACES = {
-  off_drawing: (store) => worstTime(store.latest("executed")),
+  off_drawing: worstTime,
   kept: (store) => store.refusal?.head.at?.t,
   "clearance.low": (store) => headOf(store).nearest?.t,
   obstacle: (store) => headOf(store).obstacle_t,
+  own_links: (store) => headOf(store).own_links_t,
 };
-/** Last exact figures of a run, and those before the change of the job that led to them. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
+/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
 const past = new Map();
 
@@ -41,8 +43,9 @@ export const pastOf = (store) => past.get(store.document?.run);
 function remember(store) {
   const figures = store.latest("figures");
   const last = pastOf(store);
-  if (!figures || !store.isCurrent(figures) || figures.rev === last?.rev) return;
-  past.set(figures.head.run, { rev: figures.rev, rows: knownOf(store).rows, before: last?.rows ?? null });
+  // The figures of a certified plan are not those of the run.
+  if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
+  past.set(figures.head.run, { rev: figures.rev, rows: rowsOf(store).rows, before: last?.rows ?? null });
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -54,7 +57,8 @@ function Figure({ name, row, seen, store, exact }) {
   if (name === "kept") looks = row && exact ? verdictOf(row.value, store.theme) : { colour: "var(--quiet)", mark: "" };
   const isChecking = !store.isOffline && (hasMotion(store) || store.latest("executed") !== null);
   const { accuracy } = store.document?.data ?? {};
-  const old = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
+  const last = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
+  const old = last && shownRow(last);
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
@@ -65,7 +69,9 @@ function Figure({ name, row, seen, store, exact }) {
     hidden: !seen && !NAMES[name], style: `color: ${isRefused ? "var(--refusal)" : looks.colour}`,
   };
   if (!place) return html`<div ...${shared}>${content}</div>`;
-  return html`<button type="button" title="Show its place" onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
+  const t = place(store);
+  const title = t === undefined ? "Its place follows with the figures of this plan" : "Show its place";
+  return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
 }
 
 /** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */
@@ -95,18 +101,24 @@ function Advice({ store, link, changes }) {
 
 /**
  * Return the figures of the shown motion: the exact ones if they belong to the picture, otherwise the preview's, which has
- * no verdict.
+ * no verdict. Their texts are in the units of the server.
  * @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}}
  */
-export function knownOf(store) {
+export function rowsOf(store) {
   const figures = store.latest("figures");
   const exact = store.isCurrent(figures);
   const executed = store.refusal ? null : store.latest("executed")?.head;
   const known = exact ? [figures?.head] : [store.latest("picture")?.head, executed];
-  const rows = new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, shownRow(row)]));
+  const rows = new Map(known.flatMap((head) => head?.rows ?? []).map((row) => [row.name, row]));
   // A preview checks no collisions, and its grid is coarse.
   if (!exact) rows.delete("kept");
   return { exact, executed, rows };
+}
+
+/** Return the figures of the shown motion as they are shown, see `rowsOf`. @param {Store} store @returns {{exact: boolean, executed: any, rows: Rows}} */
+export function knownOf(store) {
+  const { rows, ...more } = rowsOf(store);
+  return { ...more, rows: new Map([...rows].map(([name, row]) => [name, shownRow(row)])) };
 }
 
 /** Return the time per limit: the exact one if it belongs to the picture. @param {Store} store @returns {any} */
@@ -126,6 +138,7 @@ function exactnessOf(store) {
   if (store.isOffline) return "not connected";
   if (store.refusal?.head.tier === 1) return hasMotion(store) ? "before the refusal" : "refused";
   if (!hasMotion(store)) return "not planned yet";
+  if (store.certificate) return "certified";
   return store.isCurrent(store.latest("figures")) ? "exact" : "preview";
 }
 
@@ -140,8 +153,9 @@ export function init(store, link) {
     const { exact: isCurrent, rows } = knownOf(store);
     const exact = !store.isOffline && isCurrent;
     for (const [name, row] of rows) seen.set(name, row);
-    // Without obstacles, the distance to them is not defined.
-    if (exact && !rows.has("obstacle")) seen.delete("obstacle");
+    // Distances to obstacles and between own links are shown apart; without obstacles there is one distance.
+    const absent = rows.has("obstacle") ? ["clearance.low"] : ["obstacle", "own_links"];
+    if (exact) for (const name of absent) seen.delete(name);
     region.classList.toggle("stale", !exact);
     region.dataset.exact = String(exact);
     const figure = (/** @type {string} */ name) => html`<${Figure} key=${name} name=${name} row=${rows.get(name)} seen=${seen.get(name)} store=${store} exact=${exact} />`;
@@ -163,11 +177,7 @@ export function init(store, link) {
   });
   for (const event of ["figures", "refusal", "document", "link", "theme"]) store.on(event, soon);
   for (const event of ["picture", "executed"]) store.on(event, nowAndThen(READING, update));
-  // Figures of the other unit are not comparable.
-  inches.subscribe(() => {
-    past.clear();
-    soon();
-  });
+  inches.subscribe(soon);
   /** Tell screen readers the verdict when it no longer changes, at most once a second. */
   const speak = () => {
     const { rows } = knownOf(store);

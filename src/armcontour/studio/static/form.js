@@ -18,9 +18,10 @@ import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, u
  */
 /** @typedef {(string | number)[]} Key */
 /**
- * A field, see `tools/job_form.py`; `at` is its key if it is in a group.
+ * A field, see `tools/job_form.py`; `at` is its key if it is in a group. A number that is typed without a unit has the unit
+ * `typed` if the key has no value; one that the file has without a unit has the unit `unit`.
  * @typedef {{name: string, at?: string, label?: string, text?: string, unit?: string, example?: string, default?: any, choices?: any[],
- *   open?: boolean, tick?: boolean, plain?: boolean, list?: boolean, needed?: boolean, usual?: [number, number], fields?: Field[],
+ *   typed?: string, open?: boolean, tick?: boolean, plain?: boolean, list?: boolean, needed?: boolean, usual?: [number, number], fields?: Field[],
  *   each?: Field, items?: Field[]}} Field
  */
 /** @typedef {{f: Field, at: Key, label?: string, row?: Slider}} Props */
@@ -285,7 +286,8 @@ function One({ f, at, label = f.name }) {
   });
   // Values of external axes are shown in the units of the page, whatever their units in the file.
   const [{ written, from }, row, shown, refused] = JSON.parse(state.value);
-  const lengthUnit = row?.unit ?? shown?.unit ?? f.unit ?? "";
+  const isEmpty = written === undefined && !row;
+  const lengthUnit = row?.unit ?? shown?.unit ?? (isEmpty ? typedUnitOf(f, at) : f.unit) ?? "";
   const place = useRef(/** @type {HTMLElement | null} */ (null));
   const is = written !== undefined ? from : row?.arm ? "arm" : at[1] === "contours" ? "contour" : "default";
   const [mark, where] = FROM[is];
@@ -315,8 +317,9 @@ function One({ f, at, label = f.name }) {
     )}</select>`;
   }
   const slider = row && typeof row.min === "number" && row.min < row.max ? { ...row, key, label: name.toLowerCase() } : null;
-  // A plain number in the file stays a plain number; its unit is shown next to it.
-  const unit = (isPlain(value) && refused === null) || (f.list && !row) ? shownUnit(lengthUnit) : "";
+  // A plain number in the file stays a plain number; its unit is shown next to it, also that of a number to be typed.
+  const isBare = isEmpty || (value !== "" && value.split(", ").every((/** @type {string} */ x) => isPlain(x)));
+  const unit = isBare && refused === null ? shownUnit(lengthUnit) : "";
   return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
@@ -325,6 +328,13 @@ function One({ f, at, label = f.name }) {
     ${slider && html`<${Range} slider=${slider} at=${at} written=${value} place=${place} />`}
     <${Refusal} at=${at} />
   </div>`;
+}
+
+/** Return the unit of a number that is typed for a key without a value: on a contour, that of the value for all contours. @param {Field} f @param {Key} at @returns {string | undefined} */
+function typedUnitOf(f, at) {
+  if (at[1] !== "contours" || f.default === undefined || f.default === null) return f.typed;
+  if (isPlain(String(f.default))) return f.unit;
+  return /^[-+]?[\d.]+(?:e[-+]?\d+)? (\S.*)$/i.exec(String(f.default))?.[1] ?? f.typed;
 }
 
 /** @param {Field} f @returns {string} */
@@ -425,11 +435,14 @@ function Any({ f, at, label }) {
   return html`<${Leaf} f=${f} at=${at} label=${label} />`;
 }
 
+/** Names of one item of a list, where the name of the list has no regular plural. @type {Record<string, string>} */
+const SINGULAR = { axes: "axis", analog: "analog output" };
+
 /** A list of mappings. @param {Props} props */
 function List({ f, at }) {
   const count = useComputed(() => writtenAt(at).written?.length ?? 0);
   const fields = f.items ?? [];
-  const one = f.name.replace(/(es|s)$/, "");
+  const one = SINGULAR[f.name] ?? f.name.replace(/s$/, "");
   // Required keys of an item get an example, which the user changes.
   const first = (/** @type {Field} */ x) => x.choices?.[0] ?? x.example ?? (x.list ? ["100 mm", "100 mm", "100 mm"] : `${one} ${count.value + 1}`);
   const add = () => send(at, [{ do: "set", key: [...at, count.value], insert: true, value: Object.fromEntries(fields.filter((x) => x.needed).map((x) => [x.name, first(x)])) }]);
@@ -474,7 +487,8 @@ function Tilt() {
   };
   return html`${Object.entries(texts).map(([name, [label, text]]) => html`<div class="setting" data-key=${name === "angle" ? "tilt" : "tilt-towards"} onFocusIn=${() => (help.value = text)} onFocusOut=${unhelp}>
     <label for=${`tilt-${name}`} title=${text}>${label}</label><span class="from">deg</span>
-    <${Entry} id=${`tilt-${name}`} title=${text} value=${String(Number(tilt[name].toFixed(6)))} send=${(/** @type {string} */ value) => send(["tilt"], [{ do: "tilt", [name]: value }])} />
+    <${Entry} id=${`tilt-${name}`} title=${tilt.why_not ?? text} disabled=${Boolean(tilt.why_not)} value=${String(Number(tilt[name].toFixed(6)))} send=${(/** @type {string} */ value) => send(["tilt"], [{ do: "tilt", [name]: value }])} />
+    ${name === "towards" && (tilt.why_not || tilt.note) && html`<p class="quiet about">${tilt.why_not || tilt.note}</p>`}
     ${name === "angle" && html`<${Refusal} at=${["tilt"]} />`}
   </div>`)}`;
 }

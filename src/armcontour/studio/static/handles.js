@@ -5,6 +5,7 @@ import { along, apexAt, beyond, handledOf, LEAST_TOLERANCE, wordsOf } from "./co
 import { draw, grip, mark } from "./dom.js";
 import { mm } from "./format.js";
 import { Pointer } from "./pointer.js";
+import { lengthText } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -120,7 +121,7 @@ class Handles {
         const at = this.waypointAt(index);
         if (!at) return;
         mark(element, "aria-valuenow", String(Math.round(1000 * at[0] * 10) / 10));
-        mark(element, "aria-valuetext", `x ${mm(at[0], 1)} mm, y ${mm(at[1], 1)} mm`);
+        mark(element, "aria-valuetext", `x ${lengthText(at[0], 1)}, y ${lengthText(at[1], 1)}`);
       },
     });
   }

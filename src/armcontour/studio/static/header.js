@@ -35,6 +35,8 @@ async function open(store, name) {
   const form = document.querySelector(`#tasks form[data-task="${name}"]`);
   if (!(form instanceof HTMLFormElement)) return;
   form.scrollIntoView({ block: "nearest" });
+  // While a task runs, its sentence in the tab says why no other can be started.
+  if (document.querySelector("#tasks .task-wait")) return;
   if (name === "export") {
     const choices = [...form.querySelectorAll("label")].map((x) => /** @type {HTMLElement} */ (x.cloneNode(true)));
     const answer = await show("Export to robot", choices, [{ value: "yes", text: "Export" }, { value: "", text: "Cancel" }]);

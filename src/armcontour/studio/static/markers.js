@@ -4,9 +4,9 @@ import { draw, make, mark, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
 import { headOf } from "./figures.js";
 import { NEAREST } from "./legend.js";
-import { comparedExecution, isWorking } from "./motion.js";
-import { worstTime } from "./polylines.js";
+import { comparedExecution, isWorking, worstTime } from "./motion.js";
 import { along, indexAt } from "./state.js";
+import { shownText } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -61,9 +61,9 @@ class Marks {
     const executed = comparedExecution(this.store);
     const isShown = executed && isWorking(executed, time);
     this.tool.toggleAttribute("hidden", !isShown);
-    const isWorstShown = executed && this.store.options.colour === "error";
-    this.largest.toggleAttribute("hidden", !isWorstShown);
-    if (isWorstShown) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worstTime(executed))));
+    const worst = this.store.options.colour === "error" ? worstTime(this.store) : undefined;
+    this.largest.toggleAttribute("hidden", !executed || worst === undefined);
+    if (executed && worst !== undefined) move(this.largest, this.view.view.toScreen(this.toolAt(executed, worst)));
     if (isShown) move(this.tool, this.view.view.toScreen(this.toolAt(executed, time)));
   }
 
@@ -92,7 +92,7 @@ class Marks {
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);
     if (i < 0) return this.leave();
     this.store.setTime(picture.arrays.path_t[i]);
-    say(this.tip, sentenceAt(picture, i));
+    say(this.tip, shownText(sentenceAt(picture, i)));
     this.tip.hidden = false;
     this.view.putBeside(this.tip, [x, y]);
   }
@@ -128,12 +128,12 @@ function pointOf(picture, t, s) {
 function sentenceAt(picture, i) {
   const { path_s: s, path_t: t, speed, assigned, binding } = picture.arrays;
   const limit = picture.head.limits[binding[i]];
-  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)}` : "";
+  const wished = Number.isFinite(assigned[i]) ? ` of ${mm(assigned[i], 1)} mm/s` : "";
   const why = limit && (limit.kind === "assigned velocity" ? "; the assigned speed is reached" : `; held back by: ${limit.name}`);
   const isSlow = slowest(picture).some((x) => Math.abs(x.s - s[i]) < BESIDE);
   const slow = isSlow ? ", the slowest around here" : "";
   const contour = contourLabel(picture.head.contours[indexAt(picture.arrays.path_breaks, i)]);
-  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)}${wished} mm/s${slow}${why ?? ""}.`;
+  return `${contour}, t = ${seconds(t[i])} s: ${mm(speed[i], 1)} mm/s${wished}${slow}${why ?? ""}.`;
 }
 
 /** @param {Store} store @param {import("./connection.js").Link} _link @param {import("./pointer.js").Pointer} pointer */

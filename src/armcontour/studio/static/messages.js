@@ -92,7 +92,7 @@ export function init(store, link) {
     const { stopped = false, lost: isChangeLost = false } = link;
     document.body.dataset.stopped = String(stopped);
     render(stopped ? html`<${Stopped} head=${store.document} isChangeLost=${isChangeLost} />` : html`<p>Not connected, so nothing can be changed. ${link.sentence}</p>`, banner);
-    for (const region of document.querySelectorAll("#stage, #panel, #playback, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
+    for (const region of document.querySelectorAll("#stage, #tool-box, #panel, #playback, #dock, #bar .group, #bar .field, #bar .usual")) region.toggleAttribute("inert", gone);
     if (!gone && document.activeElement === document.body) focused?.focus({ preventScroll: true });
     document.body.dataset.link = link.state;
     document.body.dataset.busy = String(link.busy);

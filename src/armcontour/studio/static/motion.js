@@ -47,5 +47,15 @@ export function comparedExecution(store) {
   return isWished && !refusal && store.isCurrent(executed) ? executed : null;
 }
 
+/**
+ * Return the time of the largest distance from the drawing [s]; undefined while the execution belongs to another plan,
+ * in which this time can be on another contour.
+ * @param {Store} store @returns {number | undefined}
+ */
+export function worstTime(store) {
+  const executed = store.latest("executed");
+  return store.isCurrent(executed) ? executed?.head.off_t : undefined;
+}
+
 /** Return whether the tool is on a contour at a time; between contours, no deviation is known. @param {Frame} executed @param {number} t s */
 export const isWorking = ({ arrays: { t: times, breaks } }, t) => t >= times[0] && t <= times[times.length - 1] && !breaks.includes(indexAt(times, t) + 1);

@@ -27,7 +27,7 @@ export function init(store) {
     say(tab, warnings.length ? `Notes (${warnings.length})` : "Notes");
     if (region.hidden) return;
     // The panel has room for the limit, its time and its share.
-    const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3));
+    const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3).map(shownText));
     const slow = (picture.shortfalls ?? []).map((/** @type {any} */ { contour, t, sentence }) =>
       html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}`);
     render(

@@ -2,6 +2,7 @@
 
 import { show } from "./dialog.js";
 import { make } from "./dom.js";
+import { lengthUnit } from "./length_unit.js";
 import { notify } from "./messages.js";
 import { oncePerFrame } from "./state.js";
 import { toolBox } from "./tool_strip.js";
@@ -35,12 +36,13 @@ export function bodyOf(type, lengths) {
 /** Ask for the name and the lengths of an obstacle. @param {string} type @param {number} side usual length [m] @param {string} [title] @returns {Promise<Body | null>} null: cancelled */
 export async function askBody(type, side, title = `Add a ${type}`) {
   const field = (/** @type {string} */ text, /** @type {Record<string, any>} */ how) => make("label", { class: "field", text }, [make("input", how)]);
+  const { unit, factor: metres } = lengthUnit();
   const fields = [field("Name", { type: "text", value: type, required: true })];
-  for (const [label, factor] of KINDS[type].fields) fields.push(field(`${label} [mm]`, { type: "number", min: 0.1, step: "any", value: Number((1000 * side * factor).toPrecision(3)), required: true }));
+  for (const [label, factor] of KINDS[type].fields) fields.push(field(`${label} [${unit}]`, { type: "number", min: 1e-3, step: "any", value: Number(((side * factor) / metres).toPrecision(3)), required: true }));
   const answer = await show(title, fields, [{ value: "ok", text: "OK" }, { value: "", text: "Cancel" }]);
   if (answer !== "ok") return null;
   const [name, ...texts] = fields.map((x) => /** @type {HTMLInputElement} */ (x.lastChild).value);
-  const lengths = texts.map((text) => Number((Number(text) / 1000).toPrecision(12)));
+  const lengths = texts.map((text) => Number((Number(text) * metres).toPrecision(12)));
   return { ...bodyOf(type, lengths), name: name.trim() || type };
 }
 

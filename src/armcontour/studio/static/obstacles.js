@@ -2,9 +2,9 @@
 
 import { ask } from "./dialog.js";
 import { draw, grip, mark, say } from "./dom.js";
-import { mm } from "./format.js";
 import { tellEarly } from "./messages.js";
 import { askBody, askMesh, showList } from "./obstacle_list.js";
+import { lengthText } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
@@ -183,10 +183,10 @@ class Obstacles {
     say(label, obstacle.name ?? "");
     mark(label, "transform", `translate(${points[0][0].toFixed(1)} ${(Math.max(...points.map((p) => p[1])) + 14).toFixed(1)})`);
     mark(body, "aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
-    mark(body, "aria-valuetext", `at ${at.map((x) => mm(x, 1)).join(", ")} mm`);
+    mark(body, "aria-valuetext", `at ${at.map((x) => lengthText(x, 1)).join(", ")}`);
     mark(body, "aria-valuenow", String(Math.round(1000 * at[0])));
     mark(sizer, "aria-label", `Size of obstacle ${obstacle.name ?? obstacle.index + 1}`);
-    mark(sizer, "aria-valuetext", `${(obstacle.size ?? []).map((x) => mm(x, 1)).join(" by ")} mm`);
+    mark(sizer, "aria-valuetext", (obstacle.size ?? []).map((x) => lengthText(x, 1)).join(" by "));
     mark(sizer, "aria-valuenow", String(Math.round(1000 * (obstacle.size?.[0] ?? 0))));
   }
 

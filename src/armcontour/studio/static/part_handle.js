@@ -2,6 +2,7 @@
 
 import { draw, grip, mark } from "./dom.js";
 import { short } from "./format.js";
+import { lengthText } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./pointer.js").Pointer} Pointer */
@@ -63,7 +64,7 @@ class PlaceHandle {
 
   /** Text for screen readers. @param {number[]} by @param {number} turn */
   describe(by, turn) {
-    const text = `moved by ${short(1000 * by[0])} and ${short(1000 * by[1])} mm, turned by ${short((turn * 180) / Math.PI)}°`;
+    const text = `moved by ${lengthText(by[0], 2)} and ${lengthText(by[1], 2)}, turned by ${short((turn * 180) / Math.PI)}°`;
     for (const element of [this.mover, this.turner]) mark(element, "aria-valuetext", text);
     mark(this.mover, "aria-valuenow", String(Math.round(1000 * Math.hypot(...by))));
     mark(this.turner, "aria-valuenow", String(Math.round((turn * 180) / Math.PI)));

@@ -4,8 +4,10 @@
 import { find, make, say } from "./dom.js";
 import { rowOf, seconds, short } from "./format.js";
 import { dragged, Gesture } from "./gesture.js";
+import { coordinateUnit } from "./length_unit.js";
 import { notify } from "./messages.js";
 import { oncePerFrame } from "./state.js";
+import { inches } from "./units.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
@@ -26,6 +28,7 @@ import { oncePerFrame } from "./state.js";
  */
 
 const STEP = 1e-3; // m
+const STEP_IN_INCHES = 0.05 * 0.0254; // m
 const SAME = 1e-9; // m
 // Arrow keys that follow each other within this time are one gesture.
 const KEYS_WITHIN = 600; // ms
@@ -162,7 +165,7 @@ export class Pointer {
     this.end();
     const { values, ...rest } = what.start(event);
     if (!values) return false;
-    this.going = { what, ...rest, start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
+    this.going = { what, ...rest, unit: coordinateUnit(rest.unit), start: values, values, typed: "", gesture: new Gesture(this.link), before: this.store.latest("picture") };
     this.near = place;
     return true;
   }
@@ -182,7 +185,7 @@ export class Pointer {
   }
 
   /** @param {number[]} values @param {PointerEvent | KeyboardEvent} event @param {{step?: number, least?: number}} [how] @returns {number[]} */
-  rounded(values, event, { step = STEP, least } = {}) {
+  rounded(values, event, { step = inches.value ? STEP_IN_INCHES : STEP, least } = {}) {
     const byKeys = least && event instanceof KeyboardEvent;
     return values.map((x) => snapped(x, byKeys ? keyStep(event, x, least) : step * timesOf(event), least));
   }

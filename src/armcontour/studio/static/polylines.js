@@ -247,12 +247,6 @@ export function magnified(executed, magnify) {
   return { tool: polyline(points, executed.arrays.breaks), errors };
 }
 
-/** Return the time of an execution's largest error. @param {import("./state.js").Frame | null} executed @returns {number} s */
-export function worstTime(executed) {
-  const { t, off } = executed?.arrays ?? {};
-  return t?.[off.indexOf(largest(off))];
-}
-
 /** Return the largest positive number, or 0. @param {Iterable<number | null>} values @returns {number} */
 export function largest(values) {
   let most = 0;

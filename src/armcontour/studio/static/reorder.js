@@ -15,9 +15,10 @@ export function orderByDragging(region, move) {
     const row = rowOf(first.target);
     const isGrip = /** @type {Element} */ (first.target).closest(".grip") !== null;
     if (!row || first.button !== 0 || (first.pointerType !== "mouse" && !isGrip)) return;
-    const from = Number(row.dataset.row);
     const list = /** @type {HTMLElement} */ (row.parentElement);
     const rows = () => /** @type {HTMLElement[]} */ ([...list.querySelectorAll("li[data-row]")]);
+    // Places are those of the shown rows, of which a page or a search shows a part.
+    const from = rows().indexOf(row);
     const ends = new AbortController();
     /** Row before which it is dropped; -1 while nothing is dragged. */
     let place = -1;
@@ -43,13 +44,14 @@ export function orderByDragging(region, move) {
       ends.abort();
       const to = place > from ? place - 1 : place;
       const isMoved = isDropped && place >= 0 && to !== from;
+      const [moved, other] = [row, rows()[to]].map((x) => Number(x?.dataset.row));
       // The click that ends a drag selects nothing; after a capture the browser may send none.
       const ignored = new AbortController();
       if (place >= 0) addEventListener("click", (event) => event.stopPropagation(), { capture: true, signal: ignored.signal });
       setTimeout(() => ignored.abort());
       place = -1;
       show();
-      if (isMoved) move(from, to);
+      if (isMoved) move(moved, other);
     };
     const listen = (/** @type {string} */ name, /** @type {(event: any) => void} */ what) => addEventListener(name, what, { signal: ends.signal, capture: true });
     listen("pointermove", drag);

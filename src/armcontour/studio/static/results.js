@@ -1,10 +1,11 @@
 // Results of tasks: figures, sentences, tables and files; when and of what they were made, and what has changed since.
 
+import { CertifiedPlan } from "./certified.js";
 import { Changes, Tabular } from "./components.js";
 import { verdictOf } from "./colours.js";
 import { find, give } from "./dom.js";
 import { html, render, signal, useSignal } from "./vendor/preact.js";
-import { shownRow } from "./units.js";
+import { shownRow, shownText } from "./units.js";
 import { whole } from "./format.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -39,8 +40,8 @@ const changesSince = ({ id, task, state }) => (state !== "running" && OF_JOB.has
 /** Return when and of what a result was made. @param {Made} made @returns {string} */
 export const madeText = ({ time, job, run, files }) => `${time}, job ${job}, run ${run}. SHA-256: ${files}`;
 
-/** @param {{result: Result, store: Store, link: Link, again: (result: Result) => void}} props */
-export function Outcome({ result, store, link, again }) {
+/** @param {{result: Result, store: Store, link: Link, start: import("./certified.js").Start}} props */
+export function Outcome({ result, store, link, start }) {
   const { id, task, title, time, state, progress, frame, sentence } = result;
   const { steps = [], share, eta } = progress ?? {};
   const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file, made } = frame?.head ?? {};
@@ -53,15 +54,16 @@ export function Outcome({ result, store, link, again }) {
     ${state === "running" && html`<div class="task-progress"><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label=${`${title}: progress`} /><span class="quiet">${step}</span>
       <button type="button" onClick=${() => link.send({ op: "cancel", id })}>Cancel</button></div>`}
     <div class="task-body">
-      ${isOutdated && html`<div class="outdated"><p>Since then: ${listed(since)}.</p> <button type="button" onClick=${() => again(result)}>Make again</button></div>`}
+      ${isOutdated && html`<div class="outdated"><p>Since then: ${shownText(listed(since))}.</p> <button type="button" onClick=${() => start(result, result.options)}>Make again</button></div>`}
       ${rows.length > 0 && html`<${Tiles} rows=${rows} theme=${store.theme} />`}
-      ${said && html`<p class="task-sentence">${said}</p>`}
+      ${said && html`<p class="task-sentence">${shownText(said)}</p>`}
       ${changes.length > 0 && !isOutdated && html`<p class="task-file"><${Changes} changes=${changes} link=${link} result=${task === "measure" ? id : undefined} /></p>`}
+      ${frame?.head.has_plan && html`<${CertifiedPlan} id=${id} isOutdated=${isOutdated} link=${link} start=${start} />`}
       ${file && html`<${Download} file=${frame?.head} link=${link} />`}
       ${tables.map((/** @type {Table} */ { title: of, cells: [columns, ...all] }) => all.length > 0 && html`<div class="task-table" tabindex="0" role="group" aria-label=${of}>
-        <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS)} /></table>
+        <table><caption>${of}</caption><${Tabular} columns=${columns} rows=${all.slice(0, MAX_ROWS).map((cells) => cells.map(shownText))} /></table>
         ${all.length > MAX_ROWS && html`<p class="quiet">And ${all.length - MAX_ROWS} more rows.</p>`}</div>`)}
-      ${[...notes, ...warnings].map((text) => html`<p>${text}</p>`)}
+      ${[...notes, ...warnings].map((text) => html`<p>${shownText(text)}</p>`)}
     </div>
   </article>`;
 }

@@ -12,7 +12,7 @@
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see connection.js
-//   reset                   another job or drawing is opened; frames of a run become null
+//   reset                   another job or drawing is opened; frames of a run, the arm and the model become null
 //   command                 a key such as Ctrl+Z or Ctrl+S follows, so gestures end
 //   open                    the user opens a file: listener({file, log})
 //   log                     a robot log is stored: listener(its name)
@@ -119,6 +119,11 @@ export class Store {
     return this.latest("document")?.head ?? null;
   }
 
+  /** The certificate whose plan is shown; empty for the plan of the run. @returns {string} */
+  get certificate() {
+    return this.latest("picture")?.head.certificate ?? "";
+  }
+
   /** Accept a frame from the server; a frame older than the shown one is dropped. @param {Frame} frame */
   put(frame) {
     if (frame.kind === "picture") for (const name of PLANNED_ARRAYS) frame.arrays[name] ??= new Float32Array(0);
@@ -167,11 +172,11 @@ export class Store {
 
   /** Forget everything, because another job or drawing is opened. */
   reset() {
-    for (const kind of [...OF_A_RUN, "model", "segments"]) this.frames.delete(kind);
+    for (const kind of [...OF_A_RUN, "arm", "model", "segments"]) this.frames.delete(kind);
     this.options = { ...this.options, obstacle: -1 };
     this.setTime(0);
     this.setRefusal(null);
-    for (const event of [...OF_A_RUN, "model", "reset"]) this.tell(event, null);
+    for (const event of [...OF_A_RUN, "arm", "model", "reset"]) this.tell(event, null);
   }
 
   /** Accept frame numbers from the start again, because the connection is new. */

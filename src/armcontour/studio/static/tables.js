@@ -3,6 +3,7 @@
 import { find, whileSeen } from "./dom.js";
 import { insertable } from "./handles.js";
 import { Entry, Heads } from "./components.js";
+import { inches, shownField, typedField } from "./units.js";
 import { html, render } from "./vendor/preact.js";
 
 /** @typedef {import("./state.js").Store} Store */
@@ -28,16 +29,16 @@ export function init(store, link) {
   };
   const act = (/** @type {string} */ text, /** @type {string} */ title, /** @type {() => void} */ does) =>
     html`<button type="button" title=${title} aria-label=${title} onClick=${does}>${text}</button>`;
-  whileSeen(store, region, ["document"], () => {
+  const update = whileSeen(store, region, ["document"], () => {
     if (!store.document) return;
     const { waypoints: points = [], path = {} } = store.document;
     const few = points.length > MAX_ROWS ? `The first ${MAX_ROWS} of ${points.length} waypoints.` : "";
-    const units = points.length ? "Plain numbers are metres; 350 mm can be typed as well." : "";
+    const units = points.length ? `Plain numbers are ${inches.value ? "inches" : "metres"}; 350 mm can be typed as well.` : "";
     const note = [few, path.editable ? units : path.why_not, ...(path.notes ?? [])].filter(Boolean).join(" ");
     const row = (/** @type {{written: any[], removable: boolean}} */ { written, removable }, /** @type {number} */ index) => {
-      const set = (/** @type {number} */ k) => (/** @type {string} */ text) => link.edit([{ do: "set_waypoint", index, value: written.map((x, j) => (j === k ? text : String(x))) }]);
+      const set = (/** @type {number} */ k) => (/** @type {string} */ text) => link.edit([{ do: "set_waypoint", index, value: written.map((x, j) => (j === k ? typedField(text, "m") : String(x))) }]);
       return html`<tr key=${index}><th scope="row">${index + 1}</th>
-        ${written.map((x, k) => html`<td><${Entry} value=${String(x)} send=${set(k)} disabled=${!path.editable} aria-label=${`Waypoint ${index + 1}, ${AXES[k]}`} /></td>`)}
+        ${written.map((x, k) => html`<td><${Entry} value=${shownField(String(x), "m")} send=${set(k)} disabled=${!path.editable} aria-label=${`Waypoint ${index + 1}, ${AXES[k]}`} /></td>`)}
         <td class="acts">${path.editable && insertable(store.document, index + 1) && act("+", `Insert a waypoint after ${index + 1}`, () => insert(index))}
           ${path.editable && removable && act("×", `Remove waypoint ${index + 1}`, () => link.edit([{ do: "remove_waypoint", index }]))}</td></tr>`;
     };
@@ -51,4 +52,5 @@ export function init(store, link) {
     region.querySelectorAll("tbody tr")[inserted.index]?.querySelector("input")?.focus();
     inserted = { index: -1, count: Infinity };
   });
+  inches.subscribe(update);
 }

@@ -1,8 +1,10 @@
 // Tasks by button: certificate, export, report, logs. Their results are in results.js.
 
-import { find, say } from "./dom.js";
+import { formats, init as showCertified } from "./certified.js";
+import { find, mark, say } from "./dom.js";
 import { known } from "./form.js";
 import { timeText } from "./format.js";
+import { lengthUnit } from "./length_unit.js";
 import { init as hear, logOptions, Logs, logs } from "./logs.js";
 import { addResult, markOutdated, Outcome, results } from "./results.js";
 import { touchOptions, TouchTable } from "./touches.js";
@@ -19,21 +21,22 @@ import { html, render, signal, useComputed } from "./vendor/preact.js";
 /** @typedef {{task: string, title: string, what: string, onLogs?: boolean, table?: any, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
 /** @typedef {import("./results.js").Result} Result */
 
-const formats = signal(/** @type {[string, string, number | null][]} */ ([]));
-/** Joints of the arm, and whether the server is connected. */
-const [joints, isOpen] = [signal(0), signal(false)];
+/** Formats of exports, with the number of joints that each needs. @type {[string, string, number | null][]} */
+let allFormats = [];
+/** Whether the server is connected. */
+const isOpen = signal(false);
 
 /** All tasks, in the order of their buttons. @returns {Task[]} */
 const tasks = () => [
   {
     task: "certify", title: "Certify", what: "Finds the fastest plan whose execution is proved to keep the tolerance.",
-    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: "mm, or as in the job" }],
-    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance / 1000 } : {}),
+    choices: [{ name: "tolerance", label: "tolerance", value: "", min: 0, unit: `${lengthUnit().unit}, or as in the job` }],
+    options: ({ tolerance }) => (tolerance > 0 ? { tolerance: tolerance * lengthUnit().factor } : {}),
   },
   {
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     choices: [
-      { name: "format", label: "format", choices: formats.value.filter((x) => [null, joints.value].includes(x[2])).map(([name, label]) => [name, label]) },
+      { name: "format", label: "format", choices: formats.value },
       { name: "of", label: "of", choices: [["set_points", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
     ],
     options: ({ format, of }) => ({ format, of, ...(of === "learned" && logOptions()) }),
@@ -48,10 +51,20 @@ const tasks = () => [
   { task: "learn", title: "Learn", what: "Corrects the set-points of the next run by the errors of this one.", onLogs: true, options: logOptions },
 ];
 
+/** Return the task that runs. @returns {Result | undefined} */
+const running = () => results.value.find((x) => x.state === "running");
+
+/** Return why no task can be started now; empty if one can. @returns {string} */
+function whyBusy() {
+  const now = running();
+  if (!isOpen.value) return "There is no connection to the server.";
+  return now ? `${now.title} is running, and tasks run one at a time: wait, or cancel it.` : "";
+}
+
 /** A task's button, sentence and choices. @param {Task & {start: (task: Task, options: object) => void}} props */
 function Form({ start, ...task }) {
   const { title, what, table, choices = [], options = () => ({}) } = task;
-  const isBusy = useComputed(() => !isOpen.value || results.value.some((x) => x.state === "running"));
+  const isBusy = useComputed(() => !isOpen.value || running() !== undefined);
   const submit = (/** @type {any} */ event) => {
     event.preventDefault();
     if (isBusy.value) return;
@@ -65,7 +78,7 @@ function Form({ start, ...task }) {
   };
   // A disabled button keeps the focus.
   return html`<form class="task" data-task=${task.task} aria-label=${title} onSubmit=${submit}>
-    <div class="task-head"><button type="submit" aria-disabled=${String(isBusy.value)} title=${isBusy.value ? "One task at a time: wait, or cancel it" : ""}>${title}</button><p class="quiet">${what}</p></div>
+    <div class="task-head"><button type="submit" aria-disabled=${String(isBusy.value)} title=${whyBusy()}>${title}</button><p class="quiet">${what}</p></div>
     ${choices.length > 0 && html`<div class="task-fields">${choices.map(choice)}</div>`}
     ${table && html`<${table} />`}
   </form>`;
@@ -84,7 +97,10 @@ export function init(store, link) {
     if (old.task === "changes" && !store.document?.outdated[id]) store.tell("advice", more.frame?.head.changes);
     if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
-  const tell = () => (region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" "));
+  const tell = () => {
+    region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" ");
+    markBusy();
+  };
   /** @param {{task: string, title: string}} task @param {object} options */
   const start = ({ task, title }, options) => {
     // Several pages may start tasks at the same time.
@@ -110,19 +126,43 @@ export function init(store, link) {
     tell();
   });
   const update = () => {
-    joints.value = store.latest("arm")?.head.joints.length ?? 0;
+    const joints = store.latest("arm")?.head.joints.length ?? 0;
+    formats.value = allFormats.filter((x) => [null, joints].includes(x[2])).map(([name, label]) => [name, label]);
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };
   for (const event of ["document", "arm", "link"]) store.on(event, update);
   update();
-  known.then((form) => (formats.value = form.formats));
+  known.then((form) => {
+    allFormats = form.formats;
+    update();
+  });
+  showCertified(store, link, start);
   hear(store);
   markOutdated(store);
   render(html`<${Page} store=${store} link=${link} start=${start} />`, region);
 }
 
-/** @param {{store: Store, link: Link, start: (task: {task: string, title: string}, options: object) => void}} props */
-const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks">${tasks().map((x) => html`${x.task === "identify" && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
-  <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} again=${(/** @type {Result} */ x) => start(x, x.options)} ...${more} />`)}
+/** The buttons of the top bar that start a task, with their usual titles. @type {Map<HTMLElement, string>} */
+const barButtons = new Map();
+
+/** Grey the buttons of the top bar while a task runs, and say why. */
+function markBusy() {
+  for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("#bar [data-opens]:not([data-opens=runs])"))) {
+    if (!barButtons.has(button)) barButtons.set(button, button.title);
+    mark(button, "aria-disabled", String(running() !== undefined));
+    button.title = whyBusy() || (barButtons.get(button) ?? "");
+  }
+}
+
+/** The task that runs, and that the others wait for it. @param {{link: Link}} props */
+function Waiting({ link }) {
+  const now = running();
+  if (!now) return null;
+  return html`<p class="task-wait" role="status">${whyBusy()} <button type="button" onClick=${() => link.send({ op: "cancel", id: now.id })}>Cancel ${now.title.toLowerCase()}</button></p>`;
+}
+
+/** @param {{store: Store, link: Link, start: import("./certified.js").Start}} props */
+const Page = ({ start, ...more }) => html`<div class="task-list" role="group" aria-label="Tasks"><${Waiting} ...${more} />${tasks().map((x) => html`${x.task === "identify" && html`<${Logs} ...${more} />`}${(!x.onLogs || logs().length > 0) && html`<${Form} key=${x.task} ...${x} start=${start} />`}`)}</div>
+  <div class="task-results" role="log" aria-label="Results">${results.value.map((x) => html`<${Outcome} key=${x.id} result=${x} start=${start} ...${more} />`)}
     ${!results.value.length && html`<p class="quiet">Results of tasks appear here: sentences, tables, and files to download.</p>`}</div>`;

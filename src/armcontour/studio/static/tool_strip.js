@@ -67,20 +67,18 @@ export function ToolStrip({ store }) {
       html`<${Button} key=${name} name=${name} d=${d} title=${`${name}: drag in the drawing, or type values; Escape puts the pen away`} is=${options.pen === name} act=${() => draw(name)} />`)}</span>`;
 }
 
-/** Return the box in one fixed place in which tools show their fields. @returns {HTMLElement} */
+/** Return the box beside the drawing in which tools show their fields. @returns {HTMLElement} */
 export function toolBox() {
   const found = document.querySelector("#tool-box");
   if (found) return /** @type {HTMLElement} */ (found);
   const box = make("div", { id: "tool-box" });
-  find("#stage").append(box);
+  find("#messages").before(box);
   return box;
 }
 
 /** @param {Store} store */
 export function init(store) {
-  const box = toolBox();
-  store.on("view", () => (box.dataset.stage = store.options.stage));
-  box.dataset.stage = store.options.stage;
+  toolBox();
   window.addEventListener("keydown", (event) => {
     const isOurs = event.key === "Escape" && !event.defaultPrevented && !document.querySelector("dialog[open], [popover]:popover-open, [data-drawer=open]");
     if (!isOurs || (event.target instanceof Element && event.target.matches("textarea, select, input:not([type=range])"))) return;

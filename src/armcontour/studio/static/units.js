@@ -16,8 +16,9 @@ const SHOWN = {
 };
 const NUMBER = String.raw`[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?`;
 const QUANTITIES = new RegExp(String.raw`(${NUMBER}) (${Object.keys(SHOWN).sort((a, b) => b.length - a.length).join("|").replaceAll("^", "\\^")})(?![\w/²³^])`, "g");
-/** Fewest significant digits of a converted number; a number with more keeps them. */
+/** Fewest significant digits of a converted number; a number with more keeps them, and a bound such as "< 0.001" its own. */
 const DIGITS = 3;
+const BOUND = /<\s*$/;
 
 /** Whether lengths are shown in inches; the browser keeps it. */
 export const inches = signal(globalThis.localStorage?.getItem(KEPT_AS) === "true");
@@ -35,9 +36,9 @@ function converted(text, size, digits = DIGITS) {
 /** Return a text with its lengths and speeds in the shown unit. @param {string} text @returns {string} */
 export function shownText(text) {
   if (!inches.value || typeof text !== "string") return text;
-  return text.replace(QUANTITIES, (_all, /** @type {string} */ number, /** @type {string} */ unit) => {
+  return text.replace(QUANTITIES, (_all, /** @type {string} */ number, /** @type {string} */ unit, /** @type {number} */ at) => {
     const [name, size] = SHOWN[unit];
-    return `${converted(number, size)} ${name}`;
+    return `${converted(number, size, BOUND.test(text.slice(0, at)) ? 1 : DIGITS)} ${name}`;
   });
 }
 
@@ -47,7 +48,7 @@ export function shownRow(row) {
   if (!inches.value || !row) return row;
   const note = row.note && shownText(row.note);
   if (!unit || !size) return { ...row, note };
-  return { ...row, note, unit, text: row.text.replace(new RegExp(NUMBER, "g"), (number) => converted(number, size)) };
+  return { ...row, note, unit, text: row.text.replace(new RegExp(NUMBER, "g"), (number) => converted(number, size, BOUND.test(row.text.split(number)[0]) ? 1 : DIGITS)) };
 }
 
 /** Return the unit in which the page shows values of a unit. @param {string | undefined} unit @returns {string} */

@@ -345,12 +345,21 @@ export class View2d {
     return [event.clientX - left, event.clientY - top];
   }
 
-  /** Place a box next to a point, within the region. @param {HTMLElement} box @param {[number, number]} place px */
+  /** Place a box next to a point, within the region and beside the tools. @param {HTMLElement} box @param {[number, number]} place px */
   putBeside(box, place) {
-    const [left, top] = [[this.view.width, box.offsetWidth], [this.view.height, box.offsetHeight]].map(
-      ([room, size], k) => Math.max(0, place[k] + ASIDE + size < room ? place[k] + ASIDE : place[k] - ASIDE - size),
+    const free = this.toolsEnd();
+    const [left, top] = [[this.view.width, box.offsetWidth, free], [this.view.height, box.offsetHeight, 0]].map(
+      ([room, size, least], k) => Math.max(least, place[k] + ASIDE + size < room ? place[k] + ASIDE : Math.min(place[k] - ASIDE, room) - size),
     );
     box.style.transform = `translate(${left}px, ${top}px)`;
+  }
+
+  /** Return where the tools end that lie over the left end of the drawing; 0 if they are elsewhere [px]. */
+  toolsEnd() {
+    const tools = document.querySelector("#viewbar .tools")?.getBoundingClientRect();
+    const { left, top } = this.region.getBoundingClientRect();
+    const isOver = tools !== undefined && tools.bottom > top && tools.right > left && tools.width < this.view.width / 2;
+    return isOver ? tools.right - left + ASIDE / 2 : 0;
   }
 
   /** Zoom about the middle. @param {number} factor */

@@ -14,7 +14,7 @@ from armcontour.core.file_access import reading_below
 from armcontour.core.pool import begin_process
 from armcontour.core.progress import Progress, Step, TimeLeft
 from armcontour.report.message_frame import MessageFrame
-from armcontour.studio.tasks.figures import changes, figures
+from armcontour.studio.tasks.figures import changes, compare, figures
 from armcontour.studio.tasks.files import certify, export, identify, learn, report
 from armcontour.studio.tasks.measurement import measure
 from armcontour.studio.tasks.request import Request
@@ -39,6 +39,7 @@ runs: {one: {}}
 TASKS: dict[str, Callable[[Request], MessageFrame]] = {
     "figures": figures,
     "changes": changes,
+    "compare": compare,
     "certify": certify,
     "export": export,
     "report": report,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.progress import subprogress
 from armcontour.report.message_frame import MessageFrame, bytes_array
 from armcontour.robot.scene import BASE, HalfSpace
 from armcontour.studio.tasks.request import Request
@@ -22,11 +23,7 @@ MAX_PLAN = 200_000_000
 
 def figures(request: Request) -> MessageFrame:
     """Compute the exact figures and the plan of a run, or a refusal with its position."""
-    from armcontour.core.render import frame
-    from armcontour.core.result import VERDICT, Row
-    from armcontour.jobs.rows import with_worst_execution
-    from armcontour.report.arm_frame import nearest_pair
-    from armcontour.studio.plan_frames import Tier, refusal_header, time_header
+    from armcontour.studio.plan_frames import refusal_header
 
     try:
         result = request.result
@@ -38,25 +35,55 @@ def figures(request: Request) -> MessageFrame:
             arm = request.job.arm
         header = refusal_header(error, view, tier=3, run=request.run or "", arm=arm)
         return MessageFrame("refusal", header)
+    plan = pickle.dumps(result)
+    arrays = {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
+    return MessageFrame("figures", exact_figures(request, result), arrays)
+
+
+def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
+    """Make the header of a frame `figures`: the values of a full run."""
+    from armcontour.core.render import frame
+    from armcontour.core.result import VERDICT, Row
+    from armcontour.jobs.rows import with_worst_execution
+    from armcontour.report.arm_frame import nearest_pair
+    from armcontour.studio.plan_frames import Tier, time_header
+
     data = with_worst_execution(result, result.to_data())
     obstacle = _nearest_to_obstacles(request, result)
+    own = _nearest_links(request, result)
+    pairs = [("obstacle", "to the obstacles", obstacle), ("own_links", "between own links", own)]
     if obstacle is not None:
-        row = Row("obstacle", obstacle.low, "m", "to the obstacles", obstacle.bodies, VERDICT)
-        data = replace(data, rows=(*data.rows, row))
-    header = {
+        # Without obstacles, the clearance is between the arm's own bodies.
+        near = [
+            Row(x, pair.low, "m", label, pair.bodies, VERDICT) for x, label, pair in pairs if pair
+        ]
+        data = replace(data, rows=(*data.rows, *near))
+    return {
         "run": result.run.name,
         "tier": Tier.EXACT,
         "rows": frame(data),
         "obstacle_t": obstacle and obstacle.t,
+        "own_links_t": own and own.t,
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
         "warnings": data.warnings,
         "notes": [*data.notes, *request.job.arm.notes],
     }
-    plan = pickle.dumps(result)
-    return MessageFrame(
-        "figures", header, {"plan": bytes_array(plan)} if len(plan) < MAX_PLAN else {}
-    )
+
+
+def compare(request: Request) -> MessageFrame:
+    """Compute the exact figures of several runs, named in the option `runs`, or why they fail."""
+    names = request.option("runs", [])
+    if not isinstance(names, list) or not set(map(str, names)) <= set(request.data["runs"]):
+        raise InvalidInput("The option runs of the task compare must be a list of names of runs.")
+    rows = []
+    for name in map(str, names):
+        one = replace(request, run=name, progress=subprogress(request.progress, f"run {name}"))
+        try:
+            rows.append(exact_figures(one, one.result))
+        except ArmContourError as error:
+            rows.append({"run": name, "sentence": str(error)})
+    return MessageFrame("result", {"runs": rows})
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:
@@ -70,6 +97,14 @@ def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance 
     pairs = () if result.clearance is None else result.clearance.pairs
     with_obstacle = (x for x in pairs if names & {x.first, x.second})
     return min(with_obstacle, key=lambda x: x.high, default=None)
+
+
+def _nearest_links(request: Request, result: RunResult) -> PairClearance | None:
+    """Return the nearest pair of the arm's own bodies: links, tool and external axes."""
+    names = set() if request.job.scene is None else {x.name for x in request.job.scene.obstacles}
+    pairs = () if result.clearance is None else result.clearance.pairs
+    own = (x for x in pairs if not names & {x.first, x.second})
+    return min(own, key=lambda x: x.high, default=None)
 
 
 def changes(request: Request) -> MessageFrame:

@@ -6,8 +6,10 @@ Options of tasks with logs: `logs`, names of the logs in the order of the runs, 
 
 from __future__ import annotations
 
+import pickle
 import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path as FilePath
@@ -18,12 +20,14 @@ from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame
 from armcontour.core.result import TABLE, VERDICT, Data, Row
 from armcontour.files.job_model import IDENTIFIED
-from armcontour.report.message_frame import MessageFrame
+from armcontour.report.message_frame import MessageFrame, bytes_array
+from armcontour.studio.tasks.figures import MAX_PLAN, exact_figures
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
     from armcontour.control.identification import Identification
-    from armcontour.jobs import Job
+    from armcontour.core.source_file import SourceFile
+    from armcontour.jobs import Job, RunResult
     from armcontour.jobs.run_learning import LearnedRun
 
 # Format whose file names must be KRL identifiers.
@@ -31,7 +35,9 @@ KUKA = "kuka"
 # Motions that are exported, by the value of the option `of`, with their names in programs.
 PLANNED = "planned"
 PLAIN = "set_points"
-NAMES = {PLAIN: "set_points", "learned": "learned", PLANNED: "reference"}
+LEARNED = "learned"
+CERTIFIED = "certified"
+NAMES = {PLAIN: "set_points", LEARNED: "learned", PLANNED: "reference", CERTIFIED: "certified"}
 # Maximum length of a KRL identifier [characters].
 MAX_LETTERS = 24
 
@@ -58,8 +64,6 @@ def report(request: Request) -> MessageFrame:
 def certify(request: Request) -> MessageFrame:
     """Certify the run and create a report; the options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain
-    from armcontour.core.source_file import SourceFile
-    from armcontour.files import set_point_pieces
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
     from armcontour.studies.certification.certification import goal_of
@@ -75,26 +79,59 @@ def certify(request: Request) -> MessageFrame:
     certificate = certify(job, run=request.run, goal=goal, progress=request.progress)
     request.progress(Step(("writing",)))
     data = certificate.to_data()
+    result = certificate.result
     header = {
         **shown(data),
-        "run": certificate.result.run.name,
+        "sentence": _proved(result),
+        "run": result.run.name,
         "notes": [*data.notes, *data.warnings],
         "certificate": plain(data),
     }
-    set_points = certificate.result.set_points
-    text = "".join(set_point_pieces(set_points, certificate.job.arm.joint_names))
+    plan = pickle.dumps(result)
     page = render_report(
-        certificate.job_result,
-        certificate=certificate,
-        set_points=SourceFile.from_text("set_points.csv", text),
+        certificate.job_result, certificate=certificate, set_points=_certified_csv(request, plan)
     )
-    return MessageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
+    name = f"{certificate.job.name}-certificate.html"
+    file_frame = MessageFrame.of_file(name, page.encode(), header)
+    if len(plan) >= MAX_PLAN:
+        return file_frame
+    figures = MessageFrame("figures", exact_figures(request, result)).pack()
+    arrays = {"plan": bytes_array(plan), "figures": bytes_array(figures)}
+    return replace(file_frame, arrays={**file_frame.arrays, **arrays})
+
+
+def _certified_csv(request: Request, plan: bytes) -> SourceFile | None:
+    """Return the CSV file that `export` writes of a certified plan; None if it refuses the job."""
+    from armcontour.core.source_file import SourceFile, fingerprint
+
+    options = {"format": "csv", "of": CERTIFIED}
+    with suppress(ArmContourError):
+        frame = export(replace(request, options=options, plan=plan))
+        content = frame.arrays["content"].tobytes()
+        return SourceFile(str(frame.header["name"]), fingerprint(content))
+    return None
+
+
+def _proved(result: RunResult) -> str:
+    """Say which plan a certificate proves: it is not the plan of the run."""
+    from armcontour.core.render import number
+
+    run = result.run
+    facts = [f"timing {run.timing.method}", f"compensation {run.compensation.method}"]
+    if run.rounding is not None and run.rounding.tolerance is not None:
+        facts.append(f"corners within {number(run.rounding.tolerance, 'm')}")
+    duration = number(result.trajectory.duration, "s")
+    return (
+        f"Proved is a plan of its own, not the plan of run {run.name}: {', '.join(facts)}, "
+        f"{duration}."
+    )
 
 
 def export(request: Request) -> MessageFrame:
     """Export set-points or the plan.
 
-    Options: `format`, `of` (set_points, planned or learned), `cycle` [s].
+    Options: `format`, `of` (set_points, planned, learned or certified), `cycle` [s]. `certified`
+    exports the set-points of `request.plan`, which a certificate proves.
     """
     from armcontour.files.exports.export_checks import check_export
     from armcontour.files.exports.export_table import make_table
@@ -115,15 +152,20 @@ def export(request: Request) -> MessageFrame:
         raise InvalidInput(f"of must be one of {', '.join(NAMES)}, but is {source!r}.")
     job = request.job
     (run,) = job.runs
-    stem = f"{job.name}-{run.name}"
+    names = [job.name, run.name, *([CERTIFIED] if source == CERTIFIED else [])]
+    stem = "-".join(names)
     if kind == KUKA:
         # The file name of a KRL program is its identifier.
-        words = f"{job.name} {run.name}"
+        words = " ".join(names)
         stem = identifier(words if words[:1].isalpha() else f"p {words}", MAX_LETTERS)
     cycle = request.option("cycle", run.cycle) if source == PLANNED else None
     # The motion is planned only if it can be exported.
     check_export(job, kind, stem=stem, cycle=cycle)
-    if source == "learned":
+    if source == CERTIFIED:
+        if not request.plan:
+            raise InvalidInput("The export of a certified plan requires its certificate.")
+        plan = pickle.loads(request.plan)
+    elif source == LEARNED:
         learned_run = learn_from_logs(request)
         # The simulation is of other set-points.
         plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)

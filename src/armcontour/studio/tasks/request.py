@@ -30,6 +30,7 @@ class Request:
         allowed: Folders from which files may be read; empty: no restriction.
         named: Further files that may be read.
         origin: When and of what the result is made, for its file.
+        plan: Pickled plan that a certificate proves, for its export.
         progress: Callback for the progress.
     """
 
@@ -42,6 +43,7 @@ class Request:
     allowed: Sequence[str] = ()
     named: Sequence[str] = ()
     origin: str = ""
+    plan: bytes = b""
     progress: Progress = lambda step: None
 
     @cached_property

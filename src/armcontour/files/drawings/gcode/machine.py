@@ -39,7 +39,7 @@ ARCS = (codes.CLOCKWISE, codes.COUNTER_CLOCKWISE)
 # the positive end of the normal, the second axis is 90° counter-clockwise from the first.
 PLANES = {codes.XY: (0, 1, 2), codes.ZX: (2, 0, 1), codes.YZ: (1, 2, 0)}
 # Codes whose line has no motion, so that I, J, K and R without an end do not draw an arc.
-OWN_THE_LINE = (codes.REFERENCE, codes.MACHINE, codes.SHIFT)
+OWN_THE_LINE = (codes.REFERENCE, codes.SECOND_REFERENCE, codes.MACHINE, codes.SHIFT)
 SPINDLE: dict[int, Value] = {3: True, 4: "reverse", 5: False}
 COOLANT: dict[int, Value] = {7: "mist", 8: "flood", 9: False}
 BOTH = "mist and flood"
@@ -60,6 +60,10 @@ REFERENCE_NOTE = (
     "Moves to a reference position are replaced by a stop, because the file does not define the "
     "position: {}. From the stop the tool moves straight to the next point that the file defines. "
     "Make sure that there is no obstacle between these points."
+)
+FEED_FROM_REFERENCE = (
+    "Feed moves from a reference position to the next G0, first in line {}, are read as rapids, "
+    "because the file does not define where they start."
 )
 
 
@@ -86,6 +90,8 @@ class Machine:
         self.drawing_system: int | None = None
         # Axes on which the tool moved to a position that the file does not define.
         self.undefined_axes: set[int] = set()
+        # First line with a feed move from such a position that no G0 has followed yet; 0 for none.
+        self.undefined_feed = 0
         # Whether the tool is away from the end of the last drafted move.
         self.away = False
 
@@ -138,7 +144,9 @@ class Machine:
             self.draft.add_dwell(dwell)
         self._set_modes(block)
         if codes.REFERENCE in g:
-            self._move_to_reference(block)
+            self._move_to_reference(block, codes.REFERENCE)
+        elif codes.SECOND_REFERENCE in g:
+            self._move_to_reference(block, codes.SECOND_REFERENCE)
         elif codes.MACHINE in g:
             self._move_in_machine(block)
         else:
@@ -299,17 +307,32 @@ class Machine:
             self._move_rapid(target)
             return
         if self.away:
-            names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
-            raise Fault(
-                "a feed move cannot start at a reference position (G28, G53), because the file "
-                f"does not define the position. Write a G0 with absolute {names} before"
-            )
+            if self.motion != codes.LINE or not self.undefined_axes:
+                raise self._undefined_start()
+            # Posts of free CAM programs write rapids as feed moves, so a G0 may still follow.
+            self.undefined_feed = self.undefined_feed or self.notes.line
+            self.position = target
+            return
         self.drawing_system = self.drawing_system or self.system
         if self.motion == codes.LINE:
             self.draft.add_line(target[0], target[1], target[2], self._feed())
         else:
             self._draw_arc(block, target, coordinates)
         self.position = target
+
+    def _undefined_start(self) -> Fault:
+        """Return the error for a feed move that starts at a reference position."""
+        names = ", ".join(AXES[i] for i in sorted(self.undefined_axes)) or "X, Y and Z"
+        return Fault(
+            "a feed move cannot start at a reference position (G28, G30, G53), because the file "
+            f"does not define the position. Write a G0 with absolute {names} before"
+        )
+
+    def finish(self) -> None:
+        """Check at the end of the program that a G0 followed the feed moves from a reference."""
+        if self.undefined_feed:
+            self.notes.line = self.undefined_feed
+            raise self._undefined_start()
 
     def _target(self, coordinates: dict[int, float]) -> list[float]:
         """Return the point of the drawing [m] that the coordinates of a line define."""
@@ -340,19 +363,25 @@ class Machine:
         elif not self.undefined_axes:
             self.draft.resume_at(target)
             self.away = False
+            if self.undefined_feed:
+                self.notes.add_once(FEED_FROM_REFERENCE, self.undefined_feed)
+                self.undefined_feed = 0
         self.position = target
 
-    def _move_to_reference(self, block: Block) -> None:
-        """G28: move through the point of the line to the reference position."""
+    def _move_to_reference(self, block: Block, code: int) -> None:
+        """G28, G30: move through the point of the line to a reference position."""
         # The axes of the line move to the reference position; without coordinates, all axes move.
         coordinates = self._coordinates(block)
         if coordinates:
             self._move_rapid(self._target(coordinates))
-        self._lose_position("G28", set(coordinates) or {0, 1, 2})
+        self._lose_position(g_name(code), set(coordinates) or {0, 1, 2})
 
     def _move_in_machine(self, block: Block) -> None:
         """G53: make a rapid move to machine coordinates; the position is undefined afterwards."""
         self.motion = self.motion if block.motion is None else block.motion
+        if block.words.keys().isdisjoint(AXES):
+            self.notes.skip("G53 without coordinates")
+            return
         if self.motion != codes.RAPID:
             raise Fault(
                 "only a rapid move can have machine coordinates (G53), because their offset is in "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections import Counter
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
+from armcontour.core.text import list_some
 from armcontour.files.drawings.gcode.arcs import ArcPart
 from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry import Path
@@ -23,8 +25,17 @@ from armcontour.program.moves import Move, Value
 SAME_POINT_SQUARED = REPEATED_POINT**2
 # Largest rounding error of z after relative moves that return to zero [m].
 Z_ROUNDING = 1e-12
+# An arc that meets a move at this angle or above turns back [rad]: the tool would move along the
+# same line again.
+TURNED_BACK = math.radians(178)
+# Maximum number of lines that a note lists.
+MAX_LISTED = 12
 # Maximum number of helix segments; more do not fit into the planner's memory.
 MAX_SEGMENTS = 1_000_000
+REVERSED_NOTE = (
+    "Arcs turn back at both ends, but would be tangent to the moves before and after them in the "
+    "other direction: {}. Check whether G2 and G3 are exchanged."
+)
 
 Point = tuple[float, float, float]
 # Speed [m/s], maximum permitted corner error [m] and line number of a feed move. Speed and error
@@ -154,14 +165,19 @@ class ProgramDraft:
         dimension = 3 if self.has_vertical_arc or self._leaves_the_plane() else 2
         counts: Counter[int] = Counter()
         moves: list[Move] = []
+        reversed_arcs: list[str] = []
         for move in self.moves:
             if isinstance(move, FeedChain):
                 counts[move.line] += 1
-                moves.append(_contour(move, dimension, counts, source))
+                contour = _contour(move, dimension, counts, source)
+                moves.append(contour)
+                reversed_arcs += _reversed_arcs(contour.path, move)
             elif isinstance(move, array):
                 moves.append(Rapid(path=_path(move, dimension)))
             else:
                 moves.append(move)
+        if reversed_arcs:
+            notes = (*notes, REVERSED_NOTE.format(list_some(reversed_arcs, MAX_LISTED)))
         return Program(moves=tuple(moves), source=source, notes=notes)
 
     def _extend(self, feed: Feed, end: Point) -> FeedChain:
@@ -223,6 +239,29 @@ def _contour(chain: FeedChain, dimension: int, counts: Counter[int], source: str
     count = counts[chain.line]
     name = f"line {chain.line}" if count == 1 else f"line {chain.line} ({count})"
     return Contour(path=path, name=name, number=counts.total(), events=events, keep_start=True)
+
+
+def _reversed_arcs(path: Path, chain: FeedChain) -> list[str]:
+    """Describe arcs whose direction is probably wrong, with their lines in the file.
+
+    Such an arc turns back at both ends, so the arc around the same centre in the other direction is
+    tangent to both of its neighbours.
+    """
+    if not chain.arcs:
+        return []
+    turns = path.turns
+    points = path.vertices
+    found = []
+    for i, _, _, curvature, length in chain.arcs:
+        if not 0 < i < len(turns) or min(turns[i - 1], turns[i]) < TURNED_BACK:
+            continue
+        # A move that goes back and forth along the same arc turns back, too.
+        ends = points[i : i + 2]
+        beyond = points[[i + 2, i - 1]]
+        if np.linalg.norm(ends - beyond, axis=1).min() > REPEATED_POINT:
+            sweep = math.degrees(curvature * length)
+            found.append(f"line {chain.lines[i]} ({sweep:.4g}° instead of {360 - sweep:.4g}°)")
+    return found
 
 
 def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:

@@ -95,6 +95,7 @@ class _Runner:
                         notes.add_once("Lines after the end of the program, line {}, are ignored.")
                     break
                 plain = machine.accepts_plain_line()
+            machine.finish()
         except Fault as fault:
             number = notes.line
             raise InvalidInput(

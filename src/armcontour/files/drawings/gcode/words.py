@@ -51,6 +51,7 @@ YZ = 190  # Plane of arcs
 INCHES = 200
 MILLIMETRES = 210
 REFERENCE = 280  # Move to the reference position
+SECOND_REFERENCE = 300  # Move to the second reference position, such as that for tool changes
 MACHINE = 530  # Move in machine coordinates
 SHIFT = 920  # Set the current position, supported for the extruder only
 TOOL_LENGTH = 430
@@ -67,7 +68,7 @@ MOTION = "motion"
 # without an effect select the only supported mode: no compensation of the cutter radius (G40), feed
 # per minute (G94), the return level of drilling cycles (G98, G99).
 G_GROUP: dict[int, str] = {
-    **dict.fromkeys((DWELL, REFERENCE, MACHINE, SHIFT), "non-modal codes"),
+    **dict.fromkeys((DWELL, REFERENCE, SECOND_REFERENCE, MACHINE, SHIFT), "non-modal codes"),
     **dict.fromkeys((RAPID, LINE, CLOCKWISE, COUNTER_CLOCKWISE, CANCEL_MOTION), MOTION),
     **dict.fromkeys((XY, ZX, YZ), "planes"),
     **dict.fromkeys((ABSOLUTE, RELATIVE), "distance mode"),
@@ -91,6 +92,18 @@ WITHOUT_COORDINATES = frozenset((50, 51, 500, 1870))
 # Words of the codes in WITHOUT_COORDINATES.
 SETTINGS = "PQRE"
 COORDINATES = "XYZABCUVWIJK"
+# What to do instead of a code that is not supported.
+INSTEAD = {
+    **dict.fromkeys(
+        (410, 411, 420, 421),
+        "Let the CAM system compute the path of the tool's centre (compensation in computer)",
+    ),
+    **dict.fromkeys(
+        (730, *range(810, 900, 10)),
+        "Let the post-processor write drilling cycles as plain moves (G0 to G3)",
+    ),
+    960: "A constant surface speed is for lathes, whose programs do not suit a robot",
+}
 M_GROUP: dict[int, str] = {
     **dict.fromkeys((0, 1, 2, 30), "stopping"),
     **dict.fromkeys((3, 4, 5), "spindle"),
@@ -99,6 +112,24 @@ M_GROUP: dict[int, str] = {
 UNDERSTOOD_M = frozenset((*range(10), 30, 62, 63, 64, 65, 67, 68))
 # M codes that call subprograms or return from them, or restore modes.
 CALLS = frozenset((72, 97, 98, 99))
+# Commands of Klipper that cause no motion, by their first words.
+KLIPPER_SETTINGS = (
+    "EXCLUDE_OBJECT",
+    "SET_FAN_SPEED",
+    "SET_HEATER_TEMPERATURE",
+    "SET_PRESSURE_ADVANCE",
+    "SET_PRINT_STATS_INFO",
+    "SET_VELOCITY_LIMIT",
+    "TIMELAPSE_TAKE_FRAME",
+)
+# Usual names of the macros with which slicers begin and end a program for Klipper.
+KLIPPER_FRAME = ("START_PRINT", "PRINT_START", "END_PRINT", "PRINT_END")
+# Matches a line that begins with a command of Klipper.
+KLIPPER = re.compile(r"[ \t]*([A-Za-z]+(?:_[A-Za-z0-9]+)+)(?![A-Za-z0-9_])")
+KLIPPER_NOTE = (
+    "Ignored, because only the configuration of the printer defines them: {}. If they move the "
+    "tool, write these moves to the file."
+)
 # Matches a line that begins with an M code. The text after an unknown M code belongs to this code,
 # as in M117 Hello, M862.3 P "MK3S" and M84 X Y.
 LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
@@ -122,9 +153,12 @@ class Notes:
         """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
         self.first_line_of_kind.setdefault(sentence, {}).setdefault(kind, self.line)
 
-    def add_once(self, sentence: str) -> None:
-        """Note how lines are interpreted; `{}` is replaced by the number of the first such line."""
-        self.first_line_of_note.setdefault(sentence, self.line)
+    def add_once(self, sentence: str, line: int = 0) -> None:
+        """Note how lines are interpreted; `{}` is replaced by the number of the first such line.
+
+        `line`: the number of the line; 0 for the current line.
+        """
+        self.first_line_of_note.setdefault(sentence, line or self.line)
 
     def sentences(self) -> list[str]:
         """Return all notes as complete sentences."""
@@ -163,6 +197,9 @@ def parse(line: str, notes: Notes) -> Block:
     """Parse a line into its words. The block is empty for a comment or a program number."""
     text = line.translate(TO_COMPACT)
     block = Block()
+    if "_" in text and (match := KLIPPER.match(line)) is not None:
+        _skip_klipper(match[1].upper(), notes)
+        return block
     if "O" in text and (match := O_WORD.match(COMMENTS.sub("", text))) is not None:
         if match[2] is None:
             raise unsupported(ascii(match[1][:SHOWN_CHARACTERS]))
@@ -186,6 +223,20 @@ def parse(line: str, notes: Notes) -> Block:
     if block.settings:
         _drop_settings(block, notes)
     return block
+
+
+def _skip_klipper(command: str, notes: Notes) -> None:
+    """Note a command of Klipper that is left out; refuse commands that can move the tool."""
+    if command.startswith(KLIPPER_SETTINGS):
+        notes.skip(command)
+    elif command in KLIPPER_FRAME:
+        notes.skip(command, KLIPPER_NOTE)
+    else:
+        raise Fault(
+            f"{command[:SHOWN_CHARACTERS]} is a command or a macro of Klipper, which only the "
+            "configuration of the printer defines. Remove the line, or write its moves as G0 and "
+            "G1"
+        )
 
 
 def _drop_settings(block: Block, notes: Notes) -> None:
@@ -248,7 +299,7 @@ def _add_g(block: Block, value: float, text: str, notes: Notes) -> None:
         block.settings.append(code)
         return
     if abs(value * 10 - code) > WHOLE_TOLERANCE or code not in G_GROUP:
-        raise unsupported(text)
+        raise unsupported(text, INSTEAD.get(code, PLAIN_MOVES))
     if G_GROUP[code] == MOTION:
         # G80 together with G0 or G1 is valid: programs begin with lines such as
         # G0 G17 G40 G49 G80 G90.
@@ -279,9 +330,9 @@ def g_name(code: int) -> str:
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
 
 
-def unsupported(text: str) -> Fault:
-    """Return the error for a word or text that is not supported."""
-    return Fault(f"{text} is not supported. {PLAIN_MOVES}")
+def unsupported(text: str, remedy: str = PLAIN_MOVES) -> Fault:
+    """Return the error for a word or text that is not supported; `remedy`: what to do instead."""
+    return Fault(f"{text} is not supported. {remedy}")
 
 
 def whole_number(value: float, word: str) -> int:
