@@ -77,8 +77,8 @@ ROUND_GAIN = 1e-3
 # tool's orientation along the path, which is updated after each round
 ROUND = 10
 # Accuracy of the quadratic program, as `solve_program` defines it: the proposed duration is within
-# about 1e-5 of the least one.
-PROGRAM_GAP = 1e-6
+# about 1e-4 of the least one.
+PROGRAM_GAP = 1e-5
 # Weights of the squares of offsets and span times; they make the quadratic program definite.
 WEIGHT = (1e-3, 1e-9)
 # Offsets outside the tube are reduced by their excess distance times this factor.
