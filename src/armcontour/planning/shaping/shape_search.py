@@ -48,14 +48,18 @@ FIRST_TRUST = 0.3
 MAX_TRUST = 0.5
 # Smallest trust region, divided by the tolerance.
 LEAST_TRUST = 1e-5
-# Trust region from which corners that have converged are improved once more
-AGAIN_TRUST = 0.03
+# Trust region from which corners that have converged are improved once more. From a larger one, the
+# first changes are rejected, because the shape is nearly the fastest.
+AGAIN_TRUST = 0.01
 # Factor of the trust region of a corner after a rejected change
 SHRINK = 0.5
 # Factor of the trust region of a corner after an accepted change
 GROW = 2.0
 # A corner has converged after this many consecutive iterations that gain little (LITTLE_GAIN).
 IDLE = 3
+# Iterations with little gain after which a corner has converged when it is improved once more: most
+# corners gain nothing then.
+IDLE_AGAIN = 2
 # An iteration gains little if it shortens the time around a corner by at most this fraction.
 LITTLE_GAIN = 2e-5
 # Number of corners before and after those that have not converged in a stretch
@@ -68,13 +72,13 @@ REJECTION_FACTOR = 0.6
 MAX_REVERSIONS = 4
 # Once all corners have converged, they are improved once more while a round gains more than this
 # fraction of the duration.
-ROUND_GAIN = 1e-4
+ROUND_GAIN = 1e-3
 # Largest number of iterations of a round if the joint positions at the control points depend on the
 # tool's orientation along the path, which is updated after each round
 ROUND = 10
 # Accuracy of the quadratic program, as `solve_program` defines it: the proposed duration is within
-# about 1e-5 of the least one.
-PROGRAM_GAP = 1e-6
+# about 1e-4 of the least one.
+PROGRAM_GAP = 1e-5
 # Weights of the squares of offsets and span times; they make the quadratic program definite.
 WEIGHT = (1e-3, 1e-9)
 # Offsets outside the tube are reduced by their excess distance times this factor.
@@ -230,9 +234,9 @@ class ShapeSearch:
     def _improve_again(self) -> None:
         """Let all corners that have converged be improved once more."""
         self._round += 1
-        self._idle[:] = 0
+        self._idle[:] = IDLE - IDLE_AGAIN
         self._rejections[:] = 0
-        self._trust = np.maximum(self._trust, AGAIN_TRUST)
+        self._trust[:] = AGAIN_TRUST
 
     def _improve(self, count: int, report: Callable[[float], None]) -> None:
         """Improve the shape until all corners have converged, in at most `count` iterations.
