@@ -103,7 +103,8 @@ def test_readme_states_error_of_its_example_without_compensation():
     planned, compensated = (x for x in text.splitlines() if re.search(r"mm \| .* mm \|", x))
     assert numbers(planned) == list(printed.groups())
     is_printed([names["error"].rms * 1e3, names["error"].max * 1e3], numbers(compensated))
-    assumed, robot = names["assumed"], names["robot"].servo
+    assumed = names["assumed"]
+    robot = names["robot"].servo
     ratios = [robot.kp / assumed.kp, robot.kv / assumed.kv]
     deviations = [100 * abs(x - 1) for x in ratios]
     for stated in re.findall(r"gains differ by (\d+) and (\d+) %", " ".join(text.split())):
