@@ -319,18 +319,3 @@ def test_tip_at_a_dragged_corner_is_not_under_the_tools(studio, folder):
             assert box["x"] + box["width"] <= region["x"] + region["width"]
             studio.page.keyboard.press("Escape")
     studio.open(folder / "job.yaml")
-
-
-def test_tilt_that_the_file_overrides_is_disabled_with_the_reason(studio, folder):
-    """The file states the tool axis at each point."""
-    rows = "".join(f"{x},0,0,0,0,-1\n" for x in (0, 20, 40))
-    (folder / "axes.csv").write_text(f"x [mm],y [mm],z [mm],ax,ay,az\n{rows}")
-    (folder / "axes.yaml").write_text(JOB.replace("rings.dxf", "axes.csv"))
-    studio.open(folder / "axes.yaml")
-    studio.tab("robot")
-    tilt = studio.find("#panel [data-key=tilt] input")
-    expect(tilt).to_be_disabled()
-    expect(studio.find("#panel [data-key=tilt-towards] .about")).to_contain_text("axes.csv")
-    studio.open(folder / "job.yaml")
-    studio.tab("robot")
-    expect(tilt).to_be_enabled()
