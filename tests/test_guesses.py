@@ -206,6 +206,8 @@ def names() -> dict[str, object]:
         "q": np.array([0.1, -1.2, 1.5, -1.8, -1.5, 0.2]),
         "angles": (0.0, 0.0, 0.1),
         "limits_file": LIMITS_FILE,
+        "layers": ["CUT"],
+        "edges": None,
         **dict.fromkeys(("x", "y", "z", "s", "t"), 0.05),
         **{"radius": 1e-3, "width": 2e-3, "factor": 0.5, "mass": 1.0, "kp": 25, "kv": 150},
         **{"speed": 0.1, "velocity": 1.0, "acceleration": 5.0, "jerk": 500.0, "cycle": 4e-3},
@@ -219,7 +221,7 @@ def test_every_form_that_messages_write_is_valid(tmp_path: Path) -> None:
     skipped = {"ac.identify(logs)", "ac.read_job(file)", "ac.read_log(file)"}
     assert skipped <= forms
     for form in sorted(forms - skipped):
-        reads = "read_path(file)" in form or "read_job(file" in form
+        reads = "read_path(file" in form or "read_job(file" in form
         namespace["file"] = DRAWING if reads else tmp_path / "out.csv"
         eval(form, namespace)
 
@@ -231,7 +233,7 @@ def test_guesses_name_attributes_that_exist() -> None:
     wrong = {guess: x for guess, right in SAME.items() for x in right if x not in known}
     assert not wrong
     owners = {x.__name__ for x in classes} | {*ac.__all__, "armcontour", "Path.arc"}
-    assert not set(FORMS) - owners - {"Path.polyline"}
+    assert not set(FORMS) - owners - {"Path.polyline", "ErrorProfile"}
     # A guess that is right would never be explained.
     for x in classes:
         assert not {k for k in FORMS.get(x.__name__, ()) if hasattr(x, k)}
@@ -252,6 +254,9 @@ GUESSES = [
     (lambda: ROUNDED.points, "path.vertices"),
     (lambda: CORNER.plan(ARM), "ac.plan(...)"),
     (lambda: CORNER.zzz, "it has arc"),
+    (lambda: ac.read_path(DRAWING, unit="mm"), "ac.ReadOptions(units='mm')"),
+    (lambda: ac.load_arm("ur5e", acceleration=10.0), "joint_limits=limits_file"),
+    (lambda: ac.trace(ROUNDED, ARM).joints, "ac.trace(path, arm)(s)"),
     (lambda: PLANNED.positions, "did you mean q?"),
     (lambda: PLANNED.velocities, "did you mean dq?"),
     (lambda: PLANNED.to_csv("a"), "ac.export(planned, file)"),

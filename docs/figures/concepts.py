@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 from docs.figures import style
 from docs.figures.paper import ACCELERATION, ARM, CYCLE, LIMITS, OBJECTIVE, ROUNDED, SERVO, planned
+from docs.pages import blocks
 from matplotlib.figure import Figure
 
 import armcontour as ac
 from armcontour.geometry import round_path
 
+README = Path(__file__).parents[2] / "README.md"
 SIDE = 0.03  # m, length of both lines of the corner of 90°
 ERROR = 5e-3  # m, corner error of the rounded corner of 90°
 VIEW = 3.2  # mm, half of the enlarged part
@@ -22,6 +25,37 @@ LIMITING = {
     "assigned velocity": style.GREEN,
     "centripetal acceleration": style.ORANGE,
 }
+
+
+def draw_square_corner() -> Figure:
+    """Draw a corner of the README's example, executed with and without compensation."""
+    example: dict[str, Any] = {}
+    exec(next(x.text for x in blocks(README) if x.language == "python"), example)
+    plan = example["planned"]
+    path = example["rounded"]
+    uncompensated = ac.compensate(plan, example["assumed"], ac.NoCompensation(), cycle=4e-3)
+    figure, (corner, errors) = plt.subplots(1, 2, figsize=(8.6, 3.4), width_ratios=(1, 1.5))
+    square = 1e3 * example["square"].vertices
+    corner.plot(*square.T[:2], color=style.OBJECTIVE, ls="--", label="drawing")
+    rounded = 1e3 * path(np.linspace(0, path.length, 40_001))
+    corner.plot(*rounded.T[:2], color=style.BLACK, lw=1, label="rounded by 0.25 mm")
+    for name, set_points, colour in (
+        ("planned positions", uncompensated, style.VERMILLION),
+        ("compensated", example["set_points"], style.BLUE),
+    ):
+        executed = ac.simulate(set_points, example["robot"])
+        error = ac.evaluate(executed, path).contour_error
+        corner.plot(*1e3 * executed.tool.T[:2], color=colour, lw=1.6, label=name)
+        label = f"{name}: {1e3 * error.rms:.3f} mm RMS"
+        errors.plot(error.t, 1e3 * error.values, color=colour, lw=1.2, label=label)
+    x, y = square[1, :2]
+    corner.set(xlim=(x - 1.6, x + 0.9), ylim=(y - 1.2, y + 1.3), aspect="equal")
+    corner.set(xlabel="x [mm]", ylabel="y [mm]", title="(a) The first corner")
+    corner.legend(loc="lower right")
+    errors.set(xlabel="time [s]", ylabel="contour error [mm]", ylim=(0, 0.7))
+    errors.set_title("(b) Distance from the rounded path")
+    errors.legend(loc="upper right")
+    return figure
 
 
 def draw_fig_bends() -> Figure:

@@ -114,6 +114,7 @@ _POSES = "arm.forward(q)"
 _ERROR = "ac.evaluate(executed, path).contour_error.max"
 _SCALED = "arm.limits.replace(joint_velocity=factor * arm.limits.joint_velocity)"
 _ROWS = "planned.sample(cycle)"
+_LEARN = "ac.learn(set_points, executed, arm=arm, servo=servo)"
 # Right forms, as expressions of Python, by owner (a class, `armcontour`, or a function for its
 # arguments) and guess. Tests evaluate each of them.
 FORMS: dict[str, dict[str, str]] = {
@@ -233,6 +234,22 @@ FORMS: dict[str, dict[str, str]] = {
         ),
         "speed": "ac.Path.polyline(points, segment_limits=ac.SegmentLimits(speed=speed))",
     },
+    "read_path": {
+        **dict.fromkeys("unit units".split(), "ac.read_path(file, ac.ReadOptions(units='mm'))"),
+        **dict.fromkeys(
+            "layer layers".split(), "ac.read_path(file, ac.ReadOptions(layers=layers))"
+        ),
+        **dict.fromkeys("edge edges".split(), "ac.read_path(file, ac.ReadOptions(edges=edges))"),
+    },
+    "load_arm": {
+        **dict.fromkeys(
+            "acceleration joint_acceleration limits velocity joint_velocity".split(),
+            "ac.load_arm(name, joint_limits=limits_file)",
+        ),
+    },
+    "JointPath": {
+        **dict.fromkeys("joints points positions q values".split(), "ac.trace(path, arm)(s)"),
+    },
     "Trajectory": {
         **dict.fromkeys(
             "at evaluate eval position interpolate position_at positions_at".split(), "planned(t)"
@@ -268,6 +285,10 @@ FORMS: dict[str, dict[str, str]] = {
         **dict.fromkeys("positions joints values data".split(), "set_points.q"),
         **dict.fromkeys("duration total_time".split(), "set_points.t[-1]"),
         **dict.fromkeys("plot show figure draw".split(), "set_points.trajectory.plot()"),
+        **dict.fromkeys(
+            "as_array to_array to_dataframe to_numpy".split(),
+            "np.column_stack([set_points.t, set_points.q])",
+        ),
     },
     "Execution": {
         **dict.fromkeys(
@@ -276,7 +297,13 @@ FORMS: dict[str, dict[str, str]] = {
         **dict.fromkeys("contour_error error errors max_error".split(), _ERROR),
         **dict.fromkeys("show draw visualize figure".split(), "executed.plot()"),
         **dict.fromkeys("to_csv save".split(), "ac.export(executed.set_points, file)"),
+        **dict.fromkeys("log to_log learn".split(), _LEARN),
         "duration": "executed.t[-1]",
+    },
+    "ErrorProfile": {
+        "mean": "error.contour_error.values.mean()",
+        "percentile": "np.percentile(error.contour_error.values, 95)",
+        **dict.fromkeys("draw plot show".split(), "error.plot('error')"),
     },
     "Evaluation": {
         **dict.fromkeys(
