@@ -159,7 +159,7 @@ def test_figures_of_a_run_stay_until_an_edit_touches_it(page, folder):
     studio.tab("charts")
 
 
-def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
+def test_results_of_a_job_that_has_changed_are_outdated(page, pages, folder):
     studio = shown(page, folder, JOB, "certified.yaml")
     studio.rest()
     studio.do("certify", {"tolerance": "2"})
@@ -172,6 +172,18 @@ def test_results_of_a_job_that_has_changed_are_outdated(page, folder):
     for task in ("certify", "export"):
         studio.wait(f".task-result[data-task={task}]", outdated="true")
     expect(studio.find(".task-result[data-task=certify] .outdated")).to_be_visible()
+    # They stay when the page is loaded again, and are on other pages too.
+    studio.page.reload()
+    other = pages()
+    for shown_on in (studio, other):
+        shown_on.begin()
+        shown_on.tab("tasks")
+        for task in ("certify", "export"):
+            shown_on.wait(f".task-result[data-task={task}]", state="done", outdated="true")
+    other.close()
+    name, content = studio.save_file(studio.find(".task-result[data-task=export] [data-file]"))
+    assert name.endswith(".csv") and content.startswith(b"t [s],")
+    studio.tab("process")
     # With the last edit undone, the results are those of the job again.
     with studio.changing():
         studio.find("#undo").click()

@@ -95,6 +95,56 @@ def test_results_say_when_they_were_made_and_what_has_changed(session, tab):
     assert id == "t2" and made["job"] in request["origin"]
 
 
+def heard_of_tasks(page):
+    """Kinds and identifiers of the frames of tasks that a page has received."""
+    told = ("started", "result", "failed", "cancelled")
+    return [(x.kind, x.header["id"]) for x in page.frames if x.kind in told]
+
+
+def test_a_page_that_joins_receives_all_results(session, tab):
+    other = SessionPage(session)
+    for id, task in (("t1", "report"), ("t2", "certify"), ("t3", "export"), ("t4", "compare")):
+        tab.say("task", id=id, task=task, options={"format": "csv"})
+    ends = (
+        MessageFrame.of_file("x.html", b"x", {"id": "t1", "task": "report", "sentence": "Made."}),
+        MessageFrame("failed", {"id": "t2", "task": "certify", "sentence": "No."}),
+        MessageFrame("result", {"id": "t4", "task": "compare", "runs": []}),
+    )
+    for frame in ends:
+        session._send_state_frame(frame, None)
+    # A task that is refused at once has no result for others.
+    (refused,) = [x for x in tab.say("task", id="t3", task="report") if x.kind == "failed"]
+    assert refused.header["id"] == "t3"
+    # Another page hears of all tasks while they run.
+    starts = [("started", x) for x in ("t1", "t2", "t3")]
+    assert heard_of_tasks(other)[:3] == starts
+    late = SessionPage(session)
+    assert heard_of_tasks(late) == [
+        starts[0], ("result", "t1"), starts[1], ("failed", "t2"), starts[2]
+    ]  # fmt: skip
+    assert late.last("started")["task"] == "export"
+    assert late.last("started")["options"] == {"format": "csv"}
+    result = late.last("result")
+    (begun,) = [x.header for x in tab.frames if x.kind == "started" and x.header["id"] == "t1"]
+    assert result["made"] == begun["made"] and begun["made"]["run"] == "slow"
+    assert session.pages.files[result["file"]].data == b"x"
+    # The page knows the job before its results, and what has changed since they were made.
+    order = [x.kind for x in late.frames]
+    assert order.index("document") < order.index("started")
+    tab.edit(SPEED)
+    assert set(SessionPage(session).last("document")["outdated"]) >= {"t1", "t3"}
+    # Another document has no results.
+    session.open_upload("other.yaml", JOB.encode(), None)
+    assert heard_of_tasks(SessionPage(session)) == []
+
+
+def test_a_page_receives_the_newest_results(session, tab):
+    for k in range(20):
+        tab.say("task", id=f"t{k}", task="report")
+    kept = heard_of_tasks(SessionPage(session))
+    assert 1 < len(kept) < 20 and kept[-1] == ("started", "t19")
+
+
 @pytest.mark.parametrize(
     ("before", "after", "count", "words"),
     [

@@ -1,17 +1,23 @@
-"""Origins of results: for which state of the job a task was started, and what has changed since."""
+"""Results of tasks: for which state of the job they were made, what has changed since, and frames."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from threading import Lock
 from typing import Any
 
 from armcontour.core.source_file import SourceFile
+from armcontour.report.message_frame import MessageFrame
 from armcontour.studio.differences import differences
 
 # Maximum number of results whose origin is kept; pages show fewer.
 MAX_ORIGINS = 50
+# Maximum number of results that a page receives when it joins; pages show as many.
+MAX_RESULTS = 12
+# Kinds of frames that end a task.
+ENDINGS = ("result", "failed", "cancelled")
 # Difference after the files of a job, such as its drawing, were read again.
 READ_AGAIN = "Files read again"
 
@@ -93,3 +99,73 @@ class Origins:
     def clear(self) -> None:
         """Forget all results, because another document is opened."""
         self._origins.clear()
+
+
+@dataclass(frozen=True, slots=True)
+class TaskFrames:
+    """Frames of a task that a page needs to show the result.
+
+    Args:
+        started: Frame that the task was started, with its options.
+        ended: Frame with which the task has ended; None while it runs.
+    """
+
+    started: MessageFrame
+    ended: MessageFrame | None = None
+
+
+class TaskResults:
+    """Frames of the newest tasks, for pages that join later; thread-safe.
+
+    Args:
+        send: Function that sends a frame to all pages.
+    """
+
+    def __init__(self, send: Callable[[MessageFrame], None]) -> None:
+        self._send = send
+        self._lock = Lock()
+        self._tasks: dict[str, TaskFrames] = {}
+
+    def begin(
+        self, id: str, task: str, options: Mapping[str, Any], made: Mapping[str, str] | None
+    ) -> None:
+        """Report to all pages that a task is started; above the limit, drop the oldest.
+
+        Args:
+            id: Identifier of the task.
+            task: Name of the task.
+            options: Options of the task.
+            made: Facts of the result for users, see `Origin`.
+        """
+        header = {"id": id, "task": task, "options": dict(options), "made": made}
+        with self._lock:
+            self._tasks[id] = TaskFrames(MessageFrame("started", header))
+            while len(self._tasks) > MAX_RESULTS:
+                del self._tasks[next(iter(self._tasks))]
+            self._send(self._tasks[id].started)
+
+    def take(self, frame: MessageFrame) -> None:
+        """Keep a frame that ends a task, and send a task's frame to all pages."""
+        with self._lock:
+            id = frame.header.get("id")
+            if frame.kind in ENDINGS and id in self._tasks:
+                self._tasks[id] = replace(self._tasks[id], ended=frame)
+            self._send(frame)
+
+    def show(self, send: Callable[[MessageFrame], None]) -> None:
+        """Send all kept results, the oldest first.
+
+        Args:
+            send: Function that sends a frame to the page that joins.
+        """
+        # Without the lock, the page could receive the end of a task before its start.
+        with self._lock:
+            for frames in self._tasks.values():
+                send(frames.started)
+                if frames.ended is not None:
+                    send(frames.ended)
+
+    def clear(self) -> None:
+        """Forget all results, because another document is opened."""
+        with self._lock:
+            self._tasks.clear()

@@ -245,13 +245,17 @@ class Scheduler:
             show = self._show_state if state.certified is None else self._show_certified
             self._preview_worker.submit(partial(show, state))
 
-    def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
-        """Start a task in the task process; `id` identifies the task for `cancel`."""
+    def check_task(self, id: str, task: str) -> None:
+        """Raise InvalidInput for an unknown task, or an identifier of another task that runs."""
         with self._lock:
             if task not in TASKS:
                 raise InvalidInput(f"The task must be one of {', '.join(TASKS)}, but is {task!r}.")
             if id.startswith(STATE_ID) or id in self._running:
                 raise InvalidInput(f"The task identifier {id} is already in use.")
+
+    def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
+        """Start a task in the task process; `id` identifies the task for `cancel`."""
+        with self._lock:
             if self._task_worker is None:
                 self._task_worker = self._make_task_worker(self._receive)
             self._running.add(id)

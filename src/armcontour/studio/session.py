@@ -44,12 +44,14 @@ from armcontour.studio.pages import Page, PageMessage, Pages
 from armcontour.studio.plan_frames import drawing_frame, refusal_header
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.recent import listed_recent
-from armcontour.studio.results import Origins
+from armcontour.studio.results import Origins, TaskResults
 from armcontour.studio.scheduler import DocumentState, Scheduler, SchedulerOptions
 from armcontour.studio.segments_frame import segments_frame
 
 # Maximum number of edits in a message, because the job may be read again for each edit.
 MAX_EDITS = 100
+# Task that plans runs which are not shown.
+COMPARE = "compare"
 
 
 class Session:
@@ -84,6 +86,7 @@ class Session:
         # document at its start. Each of its messages contains all edits since its start.
         self._gestures: dict[Page, tuple[Any, int]] = {}
         self._origins = Origins()
+        self._results = TaskResults(self.send)
         self._certified = CertifiedPlans()
         self._progress = progress
         self._model_reader = ModelReader(self._take_model)
@@ -122,6 +125,7 @@ class Session:
                 if self._model_frame is not None:
                     self.send(self._model_frame, to=page)
                 self._show(self._revision)
+                self._results.show(partial(self.send, to=page))
 
     def leave(self, page: Page) -> None:
         """Remove a page and discard its gesture."""
@@ -330,6 +334,7 @@ class Session:
             raise InvalidInput("The options of a task must be a mapping.")
         id = _required_text(message, "id")
         task = _required_text(message, "task")
+        self.scheduler.check_task(id, task)
         request = self.editor.request(self._revision, options)
         data = self._revision.data
         files = self.editor.sources(request["text"])
@@ -339,6 +344,9 @@ class Session:
             request["run"] = certified.run
             plan = certified.data
         origin = self._origins.keep(id, task, data, request["run"], files)
+        # Figures of runs belong to the table of runs.
+        if task != COMPARE:
+            self._results.begin(id, task, options, self._origins.made(id))
         self.scheduler.start_task(id, task, {**request, "origin": origin, "plan": plan})
 
     def do_show_certified(self, page: Page, message: PageMessage) -> None:
@@ -379,6 +387,7 @@ class Session:
         """Show the new document; report that unsaved changes of the previous one are in a draft."""
         self.scheduler.forget()
         self._origins.clear()
+        self._results.clear()
         self._certified.clear()
         self._show_all()
         sentence = before.unsaved()
@@ -502,7 +511,7 @@ class Session:
         if state is None:
             frame = self._certified.take(frame)
             made = self._origins.made(frame.header.get("id"))
-            self.send(self._with_file(frame if made is None else frame.stamped(made=made)))
+            self._results.take(self._with_file(frame if made is None else frame.stamped(made=made)))
             return True
         if state.rev != self.editor.rev or is_blank(self._revision.data):
             return False

@@ -9,6 +9,8 @@ import { html, render, signal } from "./vendor/preact.js";
 
 /** The certificate whose plan the page shows; empty for the plan of the run. */
 const shown = signal("");
+/** Title of the export of a certificate's plan. */
+export const CERTIFIED_EXPORT = "Export of the certified plan";
 /** Formats of exports for the arm: key and label. */
 export const formats = signal(/** @type {[string, string][]} */ ([]));
 
@@ -20,7 +22,7 @@ export function CertifiedPlan({ id, isOutdated = false, brief = false, link, sta
   const exportIt = (/** @type {any} */ event) => {
     event.preventDefault();
     const format = new FormData(event.target).get("format");
-    if (!isOutdated) start({ task: "export", title: "Export of the certified plan" }, { format, of: "certified", certificate: id });
+    if (!isOutdated) start({ task: "export", title: CERTIFIED_EXPORT }, { format, of: "certified", certificate: id });
   };
   return html`<form class="certified acts" onSubmit=${exportIt}>
     ${brief ? html`<button type="button" onClick=${show}>Back to the plan of the run</button>` : html`<button type="button" aria-pressed=${String(isShown)} aria-disabled=${String(isOutdated)} title=${why || "Show the plan that is proved, instead of the plan of the run"} onClick=${show}>Show this plan</button>`}

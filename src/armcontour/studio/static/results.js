@@ -12,9 +12,10 @@ import { whole } from "./format.js";
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./connection.js").Link} Link */
 /**
- * Result of a task; `options` are those with which it was started.
+ * Result of a task; `options` are those with which it was started, and `isOwn` says that this page started it.
  * @typedef {{id: string, task: string, title: string, time: string, options: object,
  *   state: "running" | "done" | "refused" | "cancelled" | "failed",
+ *   isOwn: boolean, made?: Made,
  *   progress?: {steps: string[], share: number | null, eta: number | null}, frame?: Frame, sentence?: string}} Result
  */
 /** A file that the server stores for a while; `open` is an address at which a browser shows it. @typedef {{file: string, name: string, bytes: number, open?: string, label?: string}} Kept */
@@ -44,7 +45,7 @@ export const madeText = ({ time, job, run, files }) => `${time}, job ${job}, run
 export function Outcome({ result, store, link, start }) {
   const { id, task, title, time, state, progress, frame, sentence } = result;
   const { steps = [], share, eta } = progress ?? {};
-  const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file, made } = frame?.head ?? {};
+  const { sentence: said = sentence, rows = [], tables = [], changes = [], notes = [], warnings = [], file, made = result.made } = frame?.head ?? {};
   const since = changesSince(result);
   const isOutdated = since.length > 0;
   const step = progress ? `${steps.join(", ")}${eta ? `, about ${Math.ceil(eta)} s left` : ""}` : "Starting";

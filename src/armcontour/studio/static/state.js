@@ -7,7 +7,7 @@
 //   document, arm, model, picture, executed, figures    a new frame of the shown run: listener(frame)
 //   refusal                 the newest edit is refused (frame), or no longer (null): listener(frame | null)
 //   dropped                 an edit is refused and was not made: listener(frame)
-//   progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
+//   started, progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
 //   time                    listener()                the shown time changed
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")

@@ -1,6 +1,6 @@
 // Tasks by button: certificate, export, report, logs. Their results are in results.js.
 
-import { formats, init as showCertified } from "./certified.js";
+import { CERTIFIED_EXPORT, formats, init as showCertified } from "./certified.js";
 import { find, mark, say } from "./dom.js";
 import { known } from "./form.js";
 import { timeText } from "./format.js";
@@ -95,7 +95,7 @@ export function init(store, link) {
     if (more.progress) return;
     tell();
     if (old.task === "changes" && !store.document?.outdated[id]) store.tell("advice", more.frame?.head.changes);
-    if (results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
+    if (old.isOwn && results.value.every((x) => x.state !== "running")) say(find("#spoken"), region.querySelector(".task-sentence, .tiles")?.textContent ?? "");
   };
   const tell = () => {
     region.dataset.running = results.value.filter((x) => x.state === "running").map((x) => x.id).join(" ");
@@ -108,12 +108,22 @@ export function init(store, link) {
     const time = timeText(new Date());
     const isSent = link.send({ op: "task", id, task, options }) >= 0;
     const how = /** @type {Partial<Result>} */ (isSent ? { state: "running" } : { state: "failed", sentence: "There is no connection to the server." });
-    addResult(/** @type {Result} */ ({ id, task, title, time, options, ...how }));
+    addResult(/** @type {Result} */ ({ id, task, title, time, options, isOwn: true, ...how }));
     tell();
     if (isSent && task === "changes") store.tell("advice", null);
     // In a narrow page the results are below the forms.
     requestAnimationFrame(() => region.querySelector(".task-result")?.scrollIntoView({ block: "nearest" }));
   };
+  /** Add a task that another page has started, or this one before it was loaded again. @param {Frame} frame */
+  const join = ({ head: { id, task, options, made } }) => {
+    const known = results.value.find((x) => x.id === id);
+    if (known?.state === "running" || known?.frame) return;
+    const title = options.certificate ? CERTIFIED_EXPORT : tasks().find((x) => x.task === task)?.title;
+    results.value = results.value.filter((x) => x !== known);
+    addResult(/** @type {Result} */ ({ id, task, title, time: made.time, made, options, isOwn: false, state: "running" }));
+    tell();
+  };
+  store.on("started", join);
   store.on("progress", (/** @type {Frame} */ { head }) => renew(head.id, { progress: /** @type {any} */ (head) }));
   store.on("result", (/** @type {Frame} */ frame) => {
     const { id, kept } = frame.head;
