@@ -32,6 +32,13 @@ scene:
     - {type: box, name: post, size: [20 mm, 20 mm, 100 mm], at: [470 mm, 0 mm, 260 mm]}
     - {type: sphere, name: ball, radius: 20 mm, at: [0.3, 0.4, 0.4]}
 """
+# Two balls around the wrist at the start of the motion.
+TWO_AT_START = """\
+scene:
+  obstacles:
+    - {type: sphere, name: one, radius: 30 mm, at: [0.41, -0.038, 0.27]}
+    - {type: sphere, name: other, radius: 30 mm, at: [0.41, -0.038, 0.27]}
+"""
 # Two squares of 20 mm beside a circle of 10 mm radius, whose centre is 50 mm from the first corner.
 DRAWING = """\
 <svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="60mm" viewBox="0 0 100 60">
@@ -385,6 +392,28 @@ def test_collision_is_posed_where_it_happens_and_one_pair_is_allowed(page, folde
         studio.find("#undo").click()
     expect(rows).to_have_count(count)
     expect(pair).to_have_count(1)
+
+
+def test_each_of_two_pairs_that_collide_at_the_same_time_is_shown_and_allowed(page, folder):
+    studio = shown(page, folder, JOB + TWO_AT_START, "two.yaml")
+    studio.wait("body", refused="true")
+    rows = studio.find(".contacts li")
+    second = rows.nth(1)
+    expect(second).to_be_visible()
+    times = [x.locator(".quiet").first.inner_text() for x in (rows.first, second)]
+    assert times[0] == times[1]
+    pair = second.get_attribute("data-pair").split(",")
+    for row in (second, rows.first, second):
+        row.get_by_role("button", name="Go there").click()
+        expect(row.locator(".go")).to_have_attribute("aria-pressed", "true")
+        expect(studio.find(".contacts .go[aria-pressed=true]")).to_have_count(1)
+    studio.wait_for(f"#view3d[data-alarmed='{','.join(pair)}']")
+    with studio.renewing():
+        second.get_by_role("button", name="Allow this pair").click()
+    allowed = [x for x in data_of(studio)["scene"]["obstacles"] if "allow" in x]
+    assert [{x["name"], *x["allow"]} for x in allowed] == [set(pair)]
+    with studio.renewing():
+        studio.find("#undo").click()
 
 
 def test_one_tool_at_a_time_and_views_by_keys(cell):

@@ -21,8 +21,17 @@ const SAME = 1e-9;
 /** Return the pairs of the refusal, in order of time. @param {Store} store @returns {Contact[]} */
 export const contactsOf = (store) => store.refusal?.head.contacts ?? [];
 
-/** Return the pair that is too near from the shown time on; null at other times. @param {Store} store @returns {Contact | null} */
-export const contactAt = (store) => contactsOf(store).find(({ t }) => Math.abs(t - store.time) < SAME) ?? null;
+/** The pair that was shown last: several pairs can be too near from the same time on. */
+let chosen = "";
+
+/** Return the name of a pair in the page. @param {Contact} contact */
+const nameOf = ({ first, second }) => `${first},${second}`;
+
+/** Return the pair that is too near from the shown time on, of several the chosen one; null at other times. @param {Store} store @returns {Contact | null} */
+export function contactAt(store) {
+  const now = contactsOf(store).filter(({ t }) => Math.abs(t - store.time) < SAME);
+  return now.find((contact) => nameOf(contact) === chosen) ?? now[0] ?? null;
+}
 
 /** Return the names of the bodies to show in red: those of the shown contact, or of the first one. @param {Store} store @returns {string[]} */
 export function alarmedBodies(store) {
@@ -48,9 +57,9 @@ function Contacts({ store, link }) {
   const allow = (/** @type {Contact} */ { first, second }) => link.edit([{ do: "allow", bodies: [first, second] }]);
   return html`<p class="tool-title"><b class="alarm-title">Collision</b> <span class="quiet">${all.length} ${all.length === 1 ? "pair" : "pairs"} of bodies</span></p>
     <ul>${all.slice(0, MOST).map((contact) => {
-      const { first, second, words, t, sentence } = contact;
+      const { words, t, sentence } = contact;
       const obstacle = movableIn(store, contact);
-      return html`<li key=${`${first} ${second}`} data-pair=${`${first},${second}`}><span title=${sentence}><b>${words}</b> <span class="quiet">${clockOf(t)}</span></span>
+      return html`<li key=${nameOf(contact)} data-pair=${nameOf(contact)}><span title=${sentence}><b>${words}</b> <span class="quiet">${clockOf(t)}</span></span>
         <button type="button" class="go" aria-pressed=${String(shown === contact)} title="Show the posture in which they touch" onClick=${() => goTo(store, contact)}>Go there</button>
         ${shown === contact && html`<span class="acts">${canAllow(store, contact) && html`<button type="button" title=${`Let ${words} touch; other pairs stay forbidden`} onClick=${() => allow(contact)}>Allow this pair</button>`}
           ${obstacle >= 0 && html`<button type="button" onClick=${() => store.setView({ tool: "obstacles", obstacle, pen: "" })}>Move obstacle</button>`}</span>`}</li>`;
@@ -61,9 +70,10 @@ function Contacts({ store, link }) {
 }
 
 /** Show the posture of a contact. @param {Store} store @param {Contact} contact */
-export function goTo(store, { t }) {
+export function goTo(store, contact) {
+  chosen = nameOf(contact);
   if (store.options.stage === "2d") store.setView({ stage: innerWidth >= 1000 ? "both" : "3d" });
-  store.setTime(t);
+  store.setTime(contact.t);
 }
 
 /** @param {Store} store @param {Link} link */
