@@ -41,7 +41,7 @@ LABELS = {
     "remove_waypoint": "remove waypoint {number}",
     "place": "place the part",
     "obstacle": "{action} an obstacle",
-    "allow": "allow two bodies to touch",
+    "allow": "let {bodies} touch",
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
@@ -53,7 +53,7 @@ LABELS = {
     "order": "order the contours",
 }
 # Edits whose label has the changed values, such as "Speed 50 mm/s → 40 mm/s".
-NAMED_BY_VALUES = ("set", "unset", "place", "obstacle", "tilt", "order", "text")
+NAMED_BY_VALUES = ("set", "unset", "place", "obstacle", "tilt", "order", "text", "add_run", "allow")
 # Largest number of values in a label.
 MAX_NAMED_VALUES = 3
 # Maximum number of listed steps of the undo list; the newest ones are listed.
@@ -202,10 +202,12 @@ def label_of(
         if 0 < len(changed) <= MAX_NAMED_VALUES:
             return ", ".join(changed)
     first = edits[0]
+    bodies = first.get("bodies")
     index = first.get("index")
     words = LABELS[str(first["do"])].format(
         number=index + 1 if isinstance(index, int) else "",
         action=first.get("action", "change"),
+        bodies=" and ".join(map(str, bodies)) if isinstance(bodies, list) else "two bodies",
         key=_name(first.get("key", "")).replace("_", " "),
     )
     return words if len(edits) == 1 else f"{words} and {len(edits) - 1} more"

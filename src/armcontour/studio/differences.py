@@ -33,6 +33,12 @@ NAMED: dict[Keys, str] = {
     ("process", "by_layer"): "Layer",
     ("runs",): "Run",
 }
+# Lists in an obstacle whose entries have a name.
+PARTS = {"at": ("X", "Y", "Z"), "rpy": ("roll", "pitch", "yaw")}
+# Largest number of values of an obstacle in a sentence.
+MAX_BODY_CHANGES = 3
+# Keys that are named by the mapping around them, such as the arm by its name.
+NAMED_BY_OUTER = ("name", "method")
 # Largest length of a value in a sentence [characters].
 MAX_VALUE = 40
 # Smallest displayed move [m] and turn [rad] of a part; smaller ones are rounding errors.
@@ -152,10 +158,14 @@ def _called(keys: Keys) -> str:
     for count in range(len(keys) - 1, 0, -1):
         word = NAMED.get(keys[:count])
         if word is not None:
-            inner = " ".join(_words(x) for x in keys[count + 1 :])
+            inner_keys = keys[count + 1 :]
+            inner = " ".join(_words(x) for x in inner_keys)
+            if inner_keys and word == "Run":
+                # The values of a run have the names that those of the job have.
+                inner = _called(inner_keys)
+                inner = inner[:1].lower() + inner[1:]
             return f"{word} {keys[count]}{f', {inner}' if inner else ''}"
-    if len(keys) > 1 and keys[-1] == "name":
-        # The name stands for the thing that has it, such as the arm.
+    if len(keys) > 1 and keys[-1] in NAMED_BY_OUTER:
         keys = keys[:-1]
     names = [_words(x) for x in keys[-2:] if not isinstance(x, int)]
     # The outer name is needed only where the last one says little, as in "tabs width".
@@ -258,7 +268,46 @@ def _obstacles(before: Any, after: Any) -> Iterator[str]:
         elif name not in old:
             yield f"Obstacle {name} added"
         elif old[name] != new[name]:
-            yield f"Obstacle {name} changed"
+            changes = list(_body_changes(old[name], new[name]))
+            said = ", ".join(changes) if 0 < len(changes) <= MAX_BODY_CHANGES else "changed"
+            yield f"Obstacle {name}: {said}"
+
+
+def _body_changes(before: Any, after: Any) -> Iterator[str]:
+    """Yield the changed values of an obstacle: coordinates and angles one by one."""
+    if not isinstance(before, Mapping) or not isinstance(after, Mapping):
+        return
+    for key in {**before, **after}:
+        old = before.get(key, MISSING)
+        new = after.get(key, MISSING)
+        if old == new:
+            continue
+        names = PARTS.get(key, ())
+        if key == "allow":
+            yield from _touches(old, new)
+        elif _has_parts(old, names) and _has_parts(new, names):
+            for name, x, y in zip(names, old, new, strict=True):
+                if x != y:
+                    yield f"{name} {x} → {y}"
+        else:
+            sentence = _sentence((key,), old, new)
+            yield sentence[:1].lower() + sentence[1:]
+
+
+def _has_parts(value: Any, names: Sequence[str]) -> bool:
+    """Return whether a value is a list with one entry per name."""
+    return isinstance(value, list) and bool(names) and len(value) == len(names)
+
+
+def _touches(before: Any, after: Any) -> Iterator[str]:
+    """Yield the bodies that may touch an obstacle in one state only."""
+    old = before if isinstance(before, list) else []
+    new = after if isinstance(after, list) else []
+    for name in dict.fromkeys([*old, *new]):
+        if name not in old:
+            yield f"may touch {name}"
+        elif name not in new:
+            yield f"may no longer touch {name}"
 
 
 def _by_name(bodies: Any) -> dict[str, Any]:
