@@ -229,6 +229,38 @@ def test_a_changed_setting_applies_to_the_job_or_the_selected_run(studio):
     studio.find("#panel .seek").get_by_role("button", name="For job").click()
 
 
+def test_the_choice_of_job_or_run_says_where_a_change_goes(studio):
+    planned(studio)
+    studio.tab("process")
+    for_job, for_run = (
+        studio.find("#panel .seek").get_by_role("button", name=x) for x in ("For job", "For run")
+    )
+    for_run.click()
+    data, _ = change(studio, limits__speed="30 mm/s")
+    assert data["runs"]["own"] == {"limits": {"speed": "30 mm/s"}}
+    for_job.click()
+    expect(for_job).to_have_attribute("aria-pressed", "true")
+    # The run has its own speed, so that a change of it is for the run.
+    speed = studio.slider("limits.speed").locator("input[type=text]")
+    speed.focus()
+    expect(for_run).to_have_attribute("aria-pressed", "true")
+    speed.fill("25 mm/s")
+    with studio.renewing():
+        speed.press("Enter")
+    data = load(studio.text, "")
+    assert data["runs"]["own"] == {"limits": {"speed": "25 mm/s"}}
+    assert data["limits"] == {"speed": "50 mm/s"}
+    # Other values are still those of the job.
+    studio.slider("corners.tolerance").locator("input[type=text]").focus()
+    expect(for_job).to_have_attribute("aria-pressed", "true")
+    # A contour without its own speed has that of the run.
+    studio.tab("contours")
+    studio.find("ol.contours button").first.click()
+    own = studio.find("#panel [aria-label='Selected contour'] [data-key$='.speed'] input").first
+    expect(own).to_have_attribute("placeholder", "25 mm/s")
+    studio.page.keyboard.press("Escape")
+
+
 def test_settings_can_be_searched_by_names_and_descriptions(studio):
     planned(studio)
     studio.tab("process")
@@ -267,25 +299,71 @@ def test_narrow_pages_have_a_menu_and_large_targets(pages):
     expect(studio.find("#tab-runs")).to_be_visible()
 
 
+def test_usual_values_of_leads_and_pierces_fit_together_and_are_named(studio):
+    open_group(studio, "Process")
+    adds = {
+        x: studio.find(f"#panel .with-usual:has(details[data-key='process.{x}']) .usual-values")
+        for x in ("lead_in", "pierce")
+    }
+    for first, then in (("lead_in", "pierce"), ("pierce", "lead_in")):
+        change(studio, process__kerf="2")
+        for name in (first, then):
+            said = adds[name].inner_text()
+            before = load(studio.text, "")["process"]
+            with studio.renewing():
+                adds[name].click()
+            process = load(studio.text, "")["process"]
+            assert ("torch" in said) == ("switch" in process and "switch" not in before)
+        assert process["lead_in"] == {"length": "3 mm", "active": True}
+        assert process["pierce"] == {"time": "0.5 s"}
+        assert "process on" in said
+        expect(studio.find("#panel .refused")).to_have_count(0)
+        planned(studio)
+        while studio.find("#undo").is_enabled():
+            with studio.renewing():
+                studio.find("#undo").click()
+
+
+def test_a_refused_change_of_a_contour_stays_when_another_one_is_selected(studio):
+    planned(studio)
+    studio.tab("contours")
+    rows = studio.find("ol.contours button[aria-pressed]")
+    rows.first.click()
+    own = studio.find("#panel [aria-label='Selected contour']")
+    tolerance = own.locator("[data-key$='.tolerance'] input").first
+    tolerance.fill("-1 mm")
+    tolerance.press("Enter")
+    refused = studio.find("#panel .refused")
+    expect(refused).to_have_count(1)
+    sentence = refused.inner_text()
+    rows.last.click()
+    elsewhere = studio.find("#panel [data-refused]")
+    expect(elsewhere).to_contain_text(sentence)
+    rows.first.click()
+    expect(elsewhere).to_have_count(0)
+    expect(refused).to_have_count(1)
+    tolerance.press("Escape")
+    expect(refused).to_have_count(0)
+    rows.first.click()
+
+
 def test_an_added_part_of_the_process_opens_and_offers_the_repair_of_its_refusal(studio):
     open_group(studio, "Process")
     change(studio, process__kerf="2")
-    lead_in, pierce = (
-        studio.find(f"#panel .with-usual:has(details[data-key='process.{x}'])")
-        for x in ("lead_in", "pierce")
-    )
+    lead_in = studio.find("#panel .with-usual:has(details[data-key='process.lead_in'])")
     with studio.renewing():
         lead_in.locator("button.usual-values").click()
     expect(studio.find("#panel details[data-key='process.lead_in']")).to_have_attribute("open", "")
     # A pierce needs a lead-in along which the process is on.
-    pierce.locator("button.usual-values").click()
+    open_group(studio, "Process", "process.pierce")
+    studio.type("process.pierce.time", "0.5 s")
     part = studio.find("#panel details[data-key='process.pierce']")
-    expect(part).to_have_attribute("open", "")
-    expect(part.locator(".refused")).to_be_visible()
+    refused = studio.find("#panel .refused")
+    expect(refused).to_be_visible()
     with studio.renewing():
-        part.locator(".refused button").first.click()
+        refused.get_by_role("button").first.click()
     process = load(studio.text, "")["process"]
     assert process["lead_in"]["active"] is True and "time" in process["pierce"]
     expect(part).to_have_attribute("open", "")
-    expect(part.locator(".refused")).to_have_count(0)
+    expect(refused).to_have_count(0)
     planned(studio)

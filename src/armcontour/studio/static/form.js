@@ -48,6 +48,8 @@ const contour = signal("");
 const OWN = { speed: "speed", tolerance: "corner tolerance", kerf: "kerf", lead_in: "lead in", lead_out: "lead out", pierce: "pierce", tabs: "tabs", weave: "weave", order: "order" };
 const wanted = signal("");
 const forRun = signal(false);
+/** Key of the field with the focus. */
+const focused = signal(/** @type {Key | null} */ (null));
 const help = signal("");
 const unhelp = () => (help.value = "");
 /**
@@ -85,6 +87,10 @@ const USUAL = {
 };
 /** Parts that need an output which is switched, and its usual name. */
 const [SWITCHED, OUTPUT] = [new Set(["tabs", "pierce"]), "torch"];
+/** Key of a lead along which the process is on. */
+const ACTIVE = "active";
+/** Key of all contours. */
+const OF_CONTOURS = "path.contours.";
 /** Slider positions are integers from 0 to this. */
 const STEPS = 1000;
 
@@ -159,6 +165,12 @@ function send(at, edits) {
 
 /** Return whether a change of a key applies only to the shown run. @param {Key} key @returns {boolean} */
 const isOfRun = (key) => forRun.value && form.in_run.includes(key[0]);
+
+/** Whether the next change is for the shown run alone: also a value that the run has of its own is changed there. */
+const goesToRun = computed(() => {
+  const key = focused.value;
+  return key ? isOfRun(key) || writtenAt(key).from === "run" : forRun.value;
+});
 
 /** @param {Key} key @param {any} value */
 function set(key, value) {
@@ -301,6 +313,11 @@ function One({ f, at, label = f.name }) {
   const name = words(label);
   const more = { id, title, "aria-invalid": String(refused !== null) };
   const escape = (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && forget(key);
+  const focus = () => ([help.value, focused.value] = [title, at]);
+  const blur = () => {
+    unhelp();
+    focused.value = null;
+  };
   // The written value changes while the field has the focus.
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
   // A number that is typed for a prismatic joint has the shown unit; the server reads it.
@@ -320,7 +337,7 @@ function One({ f, at, label = f.name }) {
   // A plain number in the file stays a plain number; its unit is shown next to it, also that of a number to be typed.
   const isBare = isEmpty || (value !== "" && value.split(", ").every((/** @type {string} */ x) => isPlain(x)));
   const unit = isBare && refused === null ? shownUnit(lengthUnit) : "";
-  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${() => (help.value = title)} onFocusOut=${unhelp} onKeyDown=${escape}>
+  return html`<div class="setting" ref=${place} data-key=${key} data-from=${is} onFocusIn=${focus} onFocusOut=${blur} onKeyDown=${escape}>
     <label for=${id} title=${title}>${name}</label>
     <span class="from">${[unit, mark].filter(Boolean).join(" · ")}</span>
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
@@ -402,16 +419,47 @@ function Fold({ at, title, text, count, told = " set", aside, content }) {
   return aside ? html`<div class="with-usual">${fold}${aside}</div>` : fold;
 }
 
+/** Return the value of a part of the process that applies at a contour or layer, or to the whole job. @param {Key} outer @param {string} name @returns {any} */
+function appliedAt(outer, name) {
+  const { process, path } = head.value.data;
+  const layer = outer[1] === "contours" && contour.value ? JSON.parse(contour.value).layer : "";
+  const written = [valueIn(head.value.data, outer), path?.layers?.[layer], process?.by_layer?.[layer], process];
+  return written.find((x) => x?.[name] !== undefined)?.[name];
+}
+
+/**
+ * Return the usual values of a part of the process, and the edits that it needs as well: tabs and a pierce need an output,
+ * and after a pierce, the process is on along the lead-in. `said` names them.
+ * @param {Key} at @param {string} name @returns {{values: Record<string, any>, more: object[], said: string[]}}
+ */
+function usualOf(at, name) {
+  const outer = at.slice(0, -1);
+  const values = /** @type {Record<string, any>} */ ({ ...USUAL[name] });
+  const [more, said] = [/** @type {object[]} */ ([]), /** @type {string[]} */ ([])];
+  if (SWITCHED.has(name) && writtenAt(["process", "switch"]).written === undefined) {
+    more.push({ do: "set", key: ["process", "switch", "name"], value: OUTPUT });
+    said.push(`switch ${OUTPUT}`);
+  }
+  const lead = appliedAt(outer, "lead_in");
+  if (name === "pierce" && lead && !lead[ACTIVE]) {
+    more.push({ do: "set", key: [...outer, "lead_in"], value: { ...lead, [ACTIVE]: true } });
+    said.push("lead-in with the process on");
+  }
+  if (name === "lead_in" && appliedAt(outer, "pierce")) {
+    values[ACTIVE] = true;
+    said.push("with the process on");
+  }
+  return { values, more, said };
+}
+
 /** A button that adds a part of the process with usual values, which it names. @param {{at: Key, name: string}} props */
 function AddUsual({ at, name }) {
-  const values = USUAL[name];
-  const text = Object.entries(values).map(([key, x]) => `${key} ${shownText(x)}`).join(", ");
-  const add = () => {
-    const needsOutput = SWITCHED.has(name) && writtenAt(["process", "switch"]).written === undefined;
-    const output = { do: "set", key: ["process", "switch", "name"], value: OUTPUT };
-    send(at, [{ do: "set", key: at, value: values, run: isOfRun(at) }, ...(needsOutput ? [output] : [])]);
-  };
-  return html`<button type="button" class="usual-values" aria-label=${`Add ${words(name).toLowerCase()}: ${text}`} onClick=${add}>+ ${text}</button>`;
+  const state = useComputed(() => JSON.stringify(usualOf(at, name)));
+  const { values, more, said } = JSON.parse(state.value);
+  const own = Object.entries(values).filter(([key]) => key !== ACTIVE);
+  const text = [...own.map(([key, x]) => `${key} ${shownText(String(x))}`), ...said].join(", ");
+  const add = () => send(at, [{ do: "set", key: at, value: values, run: isOfRun(at) }, ...more]);
+  return html`<button type="button" class=${said.length ? "usual-values wide" : "usual-values"} aria-label=${`Add ${words(name).toLowerCase()}: ${text}`} onClick=${add}>+ ${text}</button>`;
 }
 
 /** A mapping. @param {Props & {more?: any}} props */
@@ -557,11 +605,12 @@ export function moveContour(all, k, other) {
 function Contour() {
   if (!contour.value || wanted.value) return null;
   const { number, name, layer, key } = JSON.parse(contour.value);
-  const { limits, corners, process, path } = head.value.data;
+  const { process, path } = head.value.data;
+  const [speed, tolerance] = [["limits", "speed"], ["corners", "tolerance"]].map((x) => writtenAt(x).written);
   const each = (/** @type {string} */ at) => form.groups.flatMap((/** @type {any} */ x) => x.fields).find((/** @type {Field} */ f) => f.at === at).each.fields;
   const known = /** @type {Field[]} */ ([...each(READ), ...each(BY_LAYER), { name: "order", text: "Contours with smaller numbers run first.", plain: true }]);
-  // Values that apply to a contour without its own values.
-  const shared = { order: 0, speed: limits?.speed, tolerance: corners?.tolerance, ...process, ...process?.by_layer?.[layer], ...path?.layers?.[layer] };
+  // Values that apply to a contour without its own values, in the shown run.
+  const shared = { order: 0, speed, tolerance, ...process, ...process?.by_layer?.[layer], ...path?.layers?.[layer] };
   const field = (/** @type {string} */ label, /** @type {string} */ of) => {
     const f = { .../** @type {Field} */ (known.find((x) => x.name === of)), label, example: "" };
     const at = [...key, of];
@@ -572,17 +621,27 @@ function Contour() {
     <h3>Whole job</h3>`;
 }
 
+/** Refused changes of contours that are not selected, so that their fields do not show them. */
+function Elsewhere() {
+  const key = contour.value && !wanted.value && side.value === "contours" ? JSON.parse(contour.value).key.join(".") : "";
+  const places = Object.keys(refusals.value).filter((x) => x.startsWith(OF_CONTOURS) && !(key && x.startsWith(`${key}.`)));
+  return places.map((place) => {
+    const [, name, part] = /^(.*?)\.?([^.]*)$/.exec(place.slice(OF_CONTOURS.length)) ?? [];
+    return html`<p class="refused" role="alert" data-refused=${place}>Contour ${name}, ${part.replaceAll("_", " ")}: ${refusals.value[place]}</p>`;
+  });
+}
+
 function Form() {
   const isThere = useComputed(() => Boolean(head.value && Object.keys(head.value.values).length));
   if (!isThere.value) return null;
-  const choice = (/** @type {{value: boolean}} */ of, /** @type {boolean} */ is, /** @type {string} */ text, /** @type {string} */ title) =>
-    html`<button type="button" title=${title} aria-pressed=${String(of.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
+  const choice = (/** @type {{value: boolean}} */ of, /** @type {boolean} */ is, /** @type {string} */ text, /** @type {string} */ title, /** @type {{value: boolean}} */ now = of) =>
+    html`<button type="button" title=${title} aria-pressed=${String(now.value === is)} onClick=${() => (of.value = is)}>${text}</button>`;
   const seek = html`<div class="seek">
       <input type="search" aria-label="Search settings" placeholder="Search settings" value=${wanted} onInput=${(/** @type {any} */ e) => (wanted.value = e.target.value.trim())} />
       <span class="group choice" role="group" aria-label="Settings that are shown">${choice(everything, false, "What is set", "Only what is set or usual")}${choice(everything, true, "All", "All settings of the job")}</span>
-      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs that have no value of their own")}${choice(forRun, true, "For run", "Changes are for the shown run alone")}</span>
+      <span class="group choice" role="group" aria-label="Changes are for">${choice(forRun, false, "For job", "Changes are for all runs. A value that the shown run has of its own is changed in this run alone.", goesToRun)}${choice(forRun, true, "For run", "Changes are for the shown run alone", goesToRun)}</span>
     </div>`;
-  return html`${side.value === "contours" && html`<${Contour} />`}${seek}
+  return html`<${Elsewhere} />${side.value === "contours" && html`<${Contour} />`}${seek}
     ${form.groups.map((/** @type {any} */ x) => (wanted.value || (SIDES[x.title] ?? "process") === side.value) && html`<${Group} key=${x.title} ...${x} />`)}
     ${wanted.value && !form.groups.some((/** @type {any} */ x) => x.title.toLowerCase().includes(wanted.value.toLowerCase()) || x.fields.some(isFound)) && html`<p role="status">No setting matches "${wanted}".</p>`}`;
 }
@@ -613,7 +672,7 @@ export async function init(store, to) {
   form = await known;
   for (const event of ["view", "picture"])
     store.on(event, () => {
-      if (side.value !== store.options.side) unhelp();
+      if (side.value !== store.options.side) [help.value, focused.value] = ["", null];
       side.value = store.options.side;
       contour.value = contourOf(store);
     });
