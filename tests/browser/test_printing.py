@@ -31,6 +31,9 @@ def test_printed_figures_fill_pages_and_are_as_before_on_the_screen(browser, rep
     page.set_viewport_size({"width": 718, "height": 1000})
     # An A4 page has a height of 1,123 px at 96 dpi, with margins 1,040 px.
     over_time, path, first = page.evaluate(HEIGHTS)
+    error = page.evaluate(
+        "[...document.querySelectorAll('#time .plots .u-over')].at(-1).clientHeight"
+    )
     page.evaluate("dispatchEvent(new Event('afterprint'))")
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 1200, "height": 900})
@@ -38,6 +41,8 @@ def test_printed_figures_fill_pages_and_are_as_before_on_the_screen(browser, rep
         page.locator(f"#{name} > summary").click()
     on_screen = page.evaluate(HEIGHTS)
     assert over_time < 0.8 * on_screen[0]
+    # The title of the error axis, of at least 18 letters, is not longer than its plot.
+    assert error > 18 * 6
     # Three executed paths with their words fit on a page; the drawing of the first page is larger.
     assert path < 1040 / 4 < first
     # Three runs with figures, paths and joints need no more than five pages.

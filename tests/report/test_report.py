@@ -153,6 +153,16 @@ def test_the_animated_arm_moves_as_planned_along_the_path(page, job_result):
     assert distances.max() < 1e-3 and len({x["light"] for x in motion.header["lines"]}) > 1
 
 
+def test_a_single_run_has_another_colour_than_the_limits(job_result):
+    alone = dataclasses.replace(job_result, runs={"optimal": job_result.runs["optimal"]})
+    limits = {x.colour for x in sections.motion.plot_limits(alone).bars}
+    (curve,) = [x for x in sections.motion.plot_speed(alone).curves if x.name == "optimal"]
+    assert limits and curve.colour not in limits
+    # Runs in one figure have different colours.
+    speeds = [x for x in sections.motion.plot_speed(job_result).curves if x.name in job_result.runs]
+    assert len({x.colour for x in speeds}) == len(job_result.runs)
+
+
 def test_errors_are_shown_in_percent_of_the_allowed_error(job_result):
     for name in ("optimal", "shaped"):
         alone = dataclasses.replace(job_result, runs={name: job_result.runs[name]})

@@ -115,7 +115,7 @@ def advise(
     if most < len(groups):
         note = (
             f"Only {most} of {len(groups)} changes were planned, those with the largest expected "
-            "effect. Add --changes to armcontour run to plan all."
+            "effect. To plan all, press Improve in the Studio, or add --changes to armcontour run."
         )
     return Advice(improvements=suggestions, note=note)
 

@@ -11,6 +11,10 @@ from armcontour.core.render import PALETTE
 from armcontour.report.view import select_points
 
 RUN_COLOURS = PALETTE["runs"]
+# Colour of the first run, which no limit in the same legend has.
+FIRST_RUN = "#1c2430"
+# Number of colours in RUN_COLOURS that frequent limits have too; other runs get them last.
+OF_LIMITS = 3
 # Line style of an experiment, which has the colour of its run.
 EXPERIMENT_DASH = (2.0, 3.0)
 # Line style of a limit or an assigned velocity.
@@ -25,8 +29,9 @@ MAX_SENTENCES = 6
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
-    """Choose each run's colour, by name; after the last one of RUN_COLOURS they repeat."""
-    return {name: RUN_COLOURS[i % len(RUN_COLOURS)] for i, name in enumerate(names)}
+    """Choose each run's colour, by name; after the last one they repeat."""
+    colours = [FIRST_RUN, *RUN_COLOURS[OF_LIMITS:], *RUN_COLOURS[:OF_LIMITS]]
+    return {name: colours[i % len(colours)] for i, name in enumerate(names)}
 
 
 def run_widths(names: Iterable[str]) -> dict[str, float]:

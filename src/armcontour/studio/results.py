@@ -1,4 +1,4 @@
-"""Results of tasks: for which state of the job they were made, what has changed since, and frames."""
+"""Results of tasks: the state of the job they were made for, what has changed since, and frames."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def _missing_advice(job_result: JobResult, result: RunResult) -> tuple[str, str]
     """Return how to get advice, if it is possible and was not computed."""
     if result.advice is not None or result.explanation is None or not job_result.simulated:
         return None
-    return HEADING, "Add --changes to armcontour run, or press Improve in the Studio."
+    return HEADING, "Press Improve in the Studio, or add --changes to armcontour run."
 
 
 def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:

@@ -158,7 +158,9 @@ function draw(box, { plots, columns }, uPlot) {
   drawn.set(box, plots.map((plot, k) => {
     const place = document.createElement("div");
     box.append(place);
-    return new uPlot(optionsOf(plot, place.clientWidth, { key: box.id, bottom: k >= last, narrow: columns > 1, tip }), dataOf(plot, ends, uPlot), place);
+    const u = new uPlot(optionsOf(plot, place.clientWidth, { key: box.id, bottom: k >= last, narrow: columns > 1, tip }), dataOf(plot, ends, uPlot), place);
+    lowest.set(u, Math.min(u.height, u.height - plot.height + PADDING + LETTER * plot.label.length));
+    return u;
   }));
   box.append(tip);
   fillKeys(box, plots);
@@ -177,7 +179,7 @@ function optionsOf(plot, width, { key, bottom, narrow, tip }) {
     width,
     height: plot.height + (bottom ? 42 : 12),
     legend: { show: false },
-    padding: [10, 12, bottom ? 0 : 2, 0],
+    padding: [PADDING, 12, bottom ? 0 : 2, 0],
     cursor: { sync: { key, scales: ["x", null] }, drag: { x: true, y: false }, y: false, points: { size: 6 } },
     scales: { x: { time: false }, y: { distr: plot.logarithmic ? 3 : 1, ...(limits && { range: (u, ...all) => (u.showsAll ? all : limits) }) } },
     axes: [
@@ -271,6 +273,10 @@ function fillKeys(box, plots) {
   }
 }
 
+// Width of a letter in the title of an axis, and padding above a plot [px].
+const [LETTER, PADDING] = [6.6, 10];
+// Smallest height of each plot [px], at which the title of its axis fits.
+const lowest = new Map();
 // Share of its height that a wide plot has on paper, so that it fits below the section before it.
 const ON_PAPER = 0.72;
 // Heights of plots on the screen [px].
@@ -284,7 +290,7 @@ function fitPage() {
     const share = onPaper && box.style.getPropertyValue("--columns") === "1" ? ON_PAPER : 1;
     for (const u of plots) {
       if (!heights.has(u)) heights.set(u, u.height);
-      u.setSize({ width: u.root.parentElement.clientWidth, height: Math.round(share * heights.get(u)) });
+      u.setSize({ width: u.root.parentElement.clientWidth, height: Math.round(Math.max(share * heights.get(u), lowest.get(u))) });
     }
   }
   document.querySelectorAll("svg.drawing").forEach(keepMarks);
