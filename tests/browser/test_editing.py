@@ -319,3 +319,22 @@ def test_tip_at_a_dragged_corner_is_not_under_the_tools(studio, folder):
             assert box["x"] + box["width"] <= region["x"] + region["width"]
             studio.page.keyboard.press("Escape")
     studio.open(folder / "job.yaml")
+
+
+def test_tilt_that_the_file_overrides_is_disabled_and_grey(studio, folder):
+    """The file states the tool axis at each point."""
+    rows = "".join(f"{x},0,0,0,0,-1\n" for x in (0, 20, 40))
+    (folder / "axes.csv").write_text(f"x [mm],y [mm],z [mm],ax,ay,az\n{rows}")
+    (folder / "axes.yaml").write_text(JOB.replace("rings.dxf", "axes.csv"))
+    look = "e => getComputedStyle(e).backgroundColor + getComputedStyle(e).color"
+    tilt = studio.find("#panel [data-key=tilt] input")
+    looks = []
+    for name in ("axes.yaml", "job.yaml"):
+        studio.open(folder / name)
+        studio.tab("robot")
+        group = studio.find("#panel details[data-group='Tool and tilt']")
+        if group.get_attribute("open") is None:
+            group.locator("summary").first.click()
+        expect(tilt).to_be_enabled(enabled=name == "job.yaml")
+        looks.append(tilt.evaluate(look))
+    assert looks[0] != looks[1]

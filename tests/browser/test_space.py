@@ -422,6 +422,53 @@ def test_fit_shows_obstacles_as_well(page, folder):
         assert box["y"] + box["height"] <= region["y"] + region["height"]
 
 
+def test_fit_leaves_out_a_plate_on_the_part_that_is_not_drawn(page, folder):
+    plate = """\
+scene:
+  obstacles:
+    - {type: box, name: plate, size: [300 mm, 300 mm, 5 mm], at: [0, 0, -20 mm], fixed_to: part}
+"""
+    studio = shown(page, folder, JOB + plate, "plate.yaml")
+    studio.rest()
+    before = float(studio.told("#view2d", "scale"))
+    studio.page.keyboard.press("f")
+    studio.page.wait_for_timeout(200)
+    assert float(studio.told("#view2d", "scale")) == pytest.approx(before, rel=0.01)
+
+
+@pytest.mark.parametrize("width", [75, 400])
+def test_contour_over_an_obstacle_is_selected_first(drawing, folder, width):
+    """The obstacle is below the circle, or below all contours."""
+    middle = 445 + width / 2 if width < 100 else 440
+    below = f"""\
+scene:
+  obstacles:
+    - type: box
+      name: table
+      size: [{width} mm, 400 mm, 20 mm]
+      at: [{middle} mm, -20 mm, 100 mm]
+"""
+    text = JOB.replace(POINTS, "file: shapes.svg") + below
+    studio = shown(drawing, folder, text, "table.yaml")
+    studio.wait_for("g.handle.obstacle")
+    studio.rest()
+    box = studio.find(".place-box")
+    chosen = studio.find("ol.contours [aria-pressed=true]")
+    studio.page.mouse.click(*on_screen(studio, [50, 20]))
+    expect(chosen).to_have_count(1)
+    expect(box).to_be_hidden()
+    studio.page.mouse.click(*on_screen(studio, [60, 20]))
+    expect(chosen).to_have_count(0)
+    # An obstacle around the whole part is its ground.
+    if width > 100:
+        expect(box).to_be_hidden()
+        studio.page.keyboard.press("o")
+        studio.page.mouse.click(*on_screen(studio, [60, 20]))
+    expect(box).to_have_attribute("data-target", "obstacle 0")
+    studio.page.keyboard.press("Escape")
+    studio.page.keyboard.press("Escape")
+
+
 def test_tools_of_narrow_pages_fit_and_have_large_targets(pages, server):
     studio = pages(size=(390, 844))
     studio.begin()
@@ -433,6 +480,15 @@ def test_tools_of_narrow_pages_fit_and_have_large_targets(pages, server):
         expect(studio.find(selector)).to_be_visible()
         box = studio.find(selector).bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        # The view is above the box, and shows the whole gizmo.
+        view = studio.find("#view3d").bounding_box()
+        assert view["y"] + view["height"] <= box["y"] + 1
+        assert view["height"] > 150
+        for shape in studio.find(".gizmo-grip .seen").all():
+            if shape.is_visible():
+                seen = shape.bounding_box()
+                assert seen["y"] >= view["y"]
+                assert seen["y"] + seen["height"] <= view["y"] + view["height"]
         for control in studio.find("#tool-box").locator("button, input").all():
             if control.is_visible():
                 assert control.bounding_box()["height"] >= 44
