@@ -194,6 +194,17 @@ def test_a_refused_value_keeps_its_sentence_and_button(studio):
     expect(refusal).to_have_count(0)
 
 
+@pytest.mark.parametrize("typed", ["0,1", "0,1 mm"])
+def test_a_decimal_comma_is_repaired_by_one_click(studio, typed):
+    studio.tab("process")
+    studio.type("corners.tolerance", typed)
+    refusal = studio.find("#panel .refused")
+    with studio.renewing():
+        refusal.get_by_role("button", name="0.1 mm").click()
+    expect(refusal).to_have_count(0)
+    assert data_of(studio)["corners"]["tolerance"] == "0.1 mm"
+
+
 def test_a_new_run_is_shown_and_edited(studio):
     studio.tab("runs")
     studio.find("#tab-runs").get_by_role("button", name="New run").click()
