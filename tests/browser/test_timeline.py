@@ -251,6 +251,16 @@ def test_while_a_zoomed_part_is_played_the_time_stays_in_it(studio):
     assert moved[0] <= time_of(studio) <= moved[1]
 
 
+def test_a_tip_ends_with_the_next_action(studio):
+    tip = studio.find(f"{TRACK} .tip")
+    studio.page.mouse.move(*place(studio, 0.4))
+    expect(tip).to_be_visible()
+    # A key that changes neither the time nor the pointer.
+    studio.page.keyboard.press("d")
+    expect(tip).to_be_hidden()
+    studio.page.keyboard.press("d")
+
+
 def test_the_curve_says_what_is_at_the_pointer(studio):
     tip = studio.find(f"{TRACK} .tip")
     expect(tip).to_be_hidden()
