@@ -194,6 +194,17 @@ def test_a_refused_value_keeps_its_sentence_and_button(studio):
     expect(refusal).to_have_count(0)
 
 
+@pytest.mark.parametrize("typed", ["0,1", "0,1 mm"])
+def test_a_decimal_comma_is_repaired_by_one_click(studio, typed):
+    studio.tab("process")
+    studio.type("corners.tolerance", typed)
+    refusal = studio.find("#panel .refused")
+    with studio.renewing():
+        refusal.get_by_role("button", name="0.1 mm").click()
+    expect(refusal).to_have_count(0)
+    assert data_of(studio)["corners"]["tolerance"] == "0.1 mm"
+
+
 def test_a_new_run_is_shown_and_edited(studio):
     studio.tab("runs")
     studio.find("#tab-runs").get_by_role("button", name="New run").click()
@@ -319,3 +330,22 @@ def test_tip_at_a_dragged_corner_is_not_under_the_tools(studio, folder):
             assert box["x"] + box["width"] <= region["x"] + region["width"]
             studio.page.keyboard.press("Escape")
     studio.open(folder / "job.yaml")
+
+
+def test_tilt_that_the_file_overrides_is_disabled_and_grey(studio, folder):
+    """The file states the tool axis at each point."""
+    rows = "".join(f"{x},0,0,0,0,-1\n" for x in (0, 20, 40))
+    (folder / "axes.csv").write_text(f"x [mm],y [mm],z [mm],ax,ay,az\n{rows}")
+    (folder / "axes.yaml").write_text(JOB.replace("rings.dxf", "axes.csv"))
+    look = "e => getComputedStyle(e).backgroundColor + getComputedStyle(e).color"
+    tilt = studio.find("#panel [data-key=tilt] input")
+    looks = []
+    for name in ("axes.yaml", "job.yaml"):
+        studio.open(folder / name)
+        studio.tab("robot")
+        group = studio.find("#panel details[data-group='Tool and tilt']")
+        if group.get_attribute("open") is None:
+            group.locator("summary").first.click()
+        expect(tilt).to_be_enabled(enabled=name == "job.yaml")
+        looks.append(tilt.evaluate(look))
+    assert looks[0] != looks[1]

@@ -137,6 +137,10 @@ def test_narrow_pages_show_the_stage_and_targets_for_fingers(size, pages):
     # The settings are a drawer, which Escape and a click beside it close.
     studio.find("#panel-open").click()
     expect(studio.find("#panel")).to_be_in_viewport(ratio=0.9)
+    # The figures that an edit changes are above the drawer, the error with its limit.
+    assert studio.find("#panel").bounding_box()["y"] >= figures["y"] + figures["height"] - 1
+    expect(studio.find("[data-figure=off_drawing]")).to_contain_text("of 0.5 mm")
+    expect(studio.find("[data-figure=off_drawing] .of")).to_be_visible()
     assert not small_targets(studio.page)
     studio.find("ol.contours button").first.click()
     expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)

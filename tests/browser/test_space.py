@@ -220,7 +220,7 @@ def test_cylinder_is_added_moved_and_removed_and_another_kind_is_a_file(cell, fo
     dialog = cell.find("#question")
     dialog.get_by_label("Name").fill("can")
     dialog.get_by_label("Radius").fill("25")
-    dialog.get_by_label("Height").fill("120")
+    dialog.get_by_label("Length").fill("120")
     with cell.renewing():
         dialog.get_by_role("button", name="OK").click()
     (can,) = data_of(cell)["scene"]["obstacles"]
@@ -333,7 +333,7 @@ def test_two_clicks_measure_a_distance_an_angle_and_a_radius(drawing):
     # A corner is a point; the diagonal of the square.
     mouse.click(*on_screen(drawing, [10, 10]))
     mouse.click(*on_screen(drawing, [30, 30]))
-    drawing.wait(".measure-box", kinds="point point")
+    drawing.wait(".measure-box", kinds="point point", picks="end of a line, end of a line")
     assert measured(drawing, "distance") == pytest.approx(0.02 * math.sqrt(2), abs=1e-9)
     expect(box).to_contain_text("28.28 mm")
     # Escape leaves the points first, then the tool.
@@ -352,7 +352,7 @@ def test_clicks_in_space_measure_obstacles(page, folder):
     centre = origin_of(studio)
     studio.page.keyboard.press("m")
     studio.page.mouse.click(*centre)
-    studio.wait(".measure-box", kinds="point")
+    studio.wait(".measure-box", kinds="point", picks="centre of a circle")
     # In the work frame, the ball is at (-100, 450, 200) mm.
     text = studio.find(".measure-box").inner_text().replace("−", "-")
     assert [float(v) for v in re.findall(r"[xyz] (-?[\d.]+) mm", text)] == [-100, 450, 200]
@@ -451,6 +451,72 @@ def test_fit_shows_obstacles_as_well(page, folder):
         assert box["y"] + box["height"] <= region["y"] + region["height"]
 
 
+def test_marks_of_many_corners_do_not_cover_each_other(page, folder):
+    """A ring of 90 corners, of which zooming in shows more."""
+    angles = [2 * math.pi * k / 90 for k in range(91)]
+    points = [[0.03 * math.cos(a), 0.03 * math.sin(a), 0] for a in angles]
+    text = JOB.replace(POINTS, f"points: {points}").replace("1 mm}", "0.1 mm}")
+    studio = shown(page, folder, text, "ring.yaml")
+    studio.rest()
+    marks = studio.find("g.handle.corner:not([hidden])")
+    places = [studio.middle(x.locator(".seen")) for x in marks.all()]
+    assert len(places) > 10
+    for k, (x, y) in enumerate(places):
+        assert all(math.hypot(x - u, y - v) > 23 for u, v in places[:k])
+    # Zooming in shows more of them.
+    for _ in range(4):
+        studio.find("#viewbar").get_by_role("button", name="Zoom in").click()
+    studio.page.wait_for_timeout(300)
+    assert marks.count() > len(places)
+
+
+def test_fit_leaves_out_a_plate_on_the_part_that_is_not_drawn(page, folder):
+    plate = """\
+scene:
+  obstacles:
+    - {type: box, name: plate, size: [300 mm, 300 mm, 5 mm], at: [0, 0, -20 mm], fixed_to: part}
+"""
+    studio = shown(page, folder, JOB + plate, "plate.yaml")
+    studio.rest()
+    before = float(studio.told("#view2d", "scale"))
+    studio.page.keyboard.press("f")
+    studio.page.wait_for_timeout(200)
+    assert float(studio.told("#view2d", "scale")) == pytest.approx(before, rel=0.01)
+
+
+@pytest.mark.parametrize("width", [75, 400])
+def test_contour_over_an_obstacle_is_selected_first(drawing, folder, width):
+    """The obstacle is below the circle, or below all contours."""
+    middle = 445 + width / 2 if width < 100 else 440
+    below = f"""\
+scene:
+  obstacles:
+    - type: box
+      name: table
+      size: [{width} mm, 400 mm, 20 mm]
+      at: [{middle} mm, -20 mm, 100 mm]
+"""
+    text = JOB.replace(POINTS, "file: shapes.svg") + below
+    studio = shown(drawing, folder, text, "table.yaml")
+    studio.wait_for("g.handle.obstacle")
+    studio.rest()
+    box = studio.find(".place-box")
+    chosen = studio.find("ol.contours [aria-pressed=true]")
+    studio.page.mouse.click(*on_screen(studio, [50, 20]))
+    expect(chosen).to_have_count(1)
+    expect(box).to_be_hidden()
+    studio.page.mouse.click(*on_screen(studio, [60, 20]))
+    expect(chosen).to_have_count(0)
+    # An obstacle around the whole part is its ground.
+    if width > 100:
+        expect(box).to_be_hidden()
+        studio.page.keyboard.press("o")
+        studio.page.mouse.click(*on_screen(studio, [60, 20]))
+    expect(box).to_have_attribute("data-target", "obstacle 0")
+    studio.page.keyboard.press("Escape")
+    studio.page.keyboard.press("Escape")
+
+
 def test_tools_of_narrow_pages_fit_and_have_large_targets(pages, server):
     studio = pages(size=(390, 844))
     studio.begin()
@@ -462,6 +528,15 @@ def test_tools_of_narrow_pages_fit_and_have_large_targets(pages, server):
         expect(studio.find(selector)).to_be_visible()
         box = studio.find(selector).bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        # The view is above the box, and shows the whole gizmo.
+        view = studio.find("#view3d").bounding_box()
+        assert view["y"] + view["height"] <= box["y"] + 1
+        assert name != "Move part" or view["height"] > 150
+        for shape in studio.find(".gizmo-grip .seen").all():
+            if shape.is_visible():
+                seen = shape.bounding_box()
+                assert seen["y"] >= view["y"]
+                assert seen["y"] + seen["height"] <= view["y"] + view["height"]
         for control in studio.find("#tool-box").locator("button, input").all():
             if control.is_visible():
                 assert control.bounding_box()["height"] >= 44

@@ -204,6 +204,27 @@ def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     assert np.diff(wait_for_part(studio, whole))[0] < whole[1]
 
 
+def test_a_long_time_is_beside_the_curve(studio):
+    """Motions of some minutes have times with three digits before the point."""
+    studio.tab("process")
+    with studio.changing():
+        studio.type("limits.speed", "1 mm/s")
+    assert duration_of(studio) > 100
+    studio.find(".scrub").focus()
+    studio.page.keyboard.press("Home")
+    width = studio.find("#playback .clock").bounding_box()["width"]
+    studio.page.keyboard.press("End")
+    studio.wait_for("#playback:not([data-time='0'])")
+    assert time_of(studio) == pytest.approx(duration_of(studio))
+    assert studio.find("#playback .clock").bounding_box()["width"] == pytest.approx(width, abs=1)
+    curve = studio.find(TRACK).bounding_box()
+    for control in studio.find("#playback .controls > *").all():
+        box = control.bounding_box()
+        assert box["x"] + box["width"] < curve["x"]
+    with studio.changing():
+        studio.find("#undo").click()
+
+
 def test_the_tip_of_a_drag_goes_with_the_drag(studio):
     whole = part_of(studio)
     tip = studio.find(f"{TRACK} .tip")
@@ -228,6 +249,16 @@ def test_while_a_zoomed_part_is_played_the_time_stays_in_it(studio):
     assert np.diff(moved)[0] == pytest.approx(np.diff(part)[0])
     moved = part_of(studio)
     assert moved[0] <= time_of(studio) <= moved[1]
+
+
+def test_a_tip_ends_with_the_next_action(studio):
+    tip = studio.find(f"{TRACK} .tip")
+    studio.page.mouse.move(*place(studio, 0.4))
+    expect(tip).to_be_visible()
+    # A key that changes neither the time nor the pointer.
+    studio.page.keyboard.press("d")
+    expect(tip).to_be_hidden()
+    studio.page.keyboard.press("d")
 
 
 def test_the_curve_says_what_is_at_the_pointer(studio):

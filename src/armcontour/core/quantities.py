@@ -370,6 +370,8 @@ def _parse_text(text: str, unit: str) -> float:
         pointed = re.sub(r"(?<=\d),(?=\d)", ".", text, count=1)
         if pointed != text and QUANTITY.fullmatch(pointed):
             raise ValueError(f"{text!r} has a decimal comma. Write {pointed!r}")
+        if pointed != text and plain_number(pointed) is not None:
+            raise ValueError(f"{text!r} has a decimal comma. Write {pointed!r} with its unit")
         raise ValueError(f"{show(text)} is not a quantity in {unit}. Write a number and a unit")
     number, written_unit = match.groups()
     factor = UNIT_FACTORS.get(unit, {}).get(written_unit.strip())

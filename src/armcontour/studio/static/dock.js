@@ -44,6 +44,9 @@ function drawer() {
     else if (panel.contains(document.activeElement)) button.focus();
   };
   show(false);
+  // The drawer begins below the header and the figures.
+  const place = () => document.documentElement.style.setProperty("--head", `${find("#figures").getBoundingClientRect().bottom}px`);
+  for (const above of ["#bar", "#figures"]) new ResizeObserver(place).observe(find(above));
   button.addEventListener("click", () => show(document.body.dataset.drawer !== "open"));
   find("#panel-close").addEventListener("click", () => show(false));
   // The ground beside the drawer closes it.

@@ -94,3 +94,8 @@ export function whileSeen(store, panel, events, update) {
   store.on("view", () => due && wish());
   return wish;
 }
+
+/** Call a function at each action of the user: a press of a pointer or a key, or a turn of the wheel. @param {() => void} act */
+export function onAction(act) {
+  for (const name of ["pointerdown", "keydown", "wheel"]) window.addEventListener(name, act, { capture: true, passive: true });
+}

@@ -57,12 +57,14 @@ function Figure({ name, row, seen, store, exact }) {
   if (name === "kept") looks = row && exact ? verdictOf(row.value, store.theme) : { colour: "var(--quiet)", mark: "" };
   const isChecking = !store.isOffline && (hasMotion(store) || store.latest("executed") !== null);
   const { accuracy } = store.document?.data ?? {};
+  const limit = name === "off_drawing" && typeof accuracy === "string" ? shownText(accuracy) : "";
+  const isRepeated = Boolean(row?.unit) && limit.endsWith(` ${row?.unit}`);
   const last = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
   const old = last && shownRow(last);
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit"><span class=${isRepeated ? "repeated" : ""}>${row?.unit}</span>${limit && html`<span class="of"> of ${limit}</span>`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),

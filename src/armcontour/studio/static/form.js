@@ -66,7 +66,10 @@ const passing = signal(/** @type {Wish | null} */ (null));
 const refusals = computed(() => {
   const found = /** @type {Record<string, any>} */ ({});
   for (const wish of [...waiting.value, ...(passing.value ? [passing.value] : [])]) {
-    const take = (/** @type {object[]} */ edits) => send(wish.key.split("."), [...wish.edits, ...edits]);
+    const take = (/** @type {any[]} */ edits) => {
+      const isReplaced = (/** @type {any} */ edit) => edits.some((x) => String(x.key) === String(edit.key));
+      send(wish.key.split("."), [...wish.edits.filter((x) => !isReplaced(x)), ...edits]);
+    };
     if (wish.place && wish.sentence) found[wish.place] = html`${shownText(wish.sentence)} <${Remedies} all=${wish.remedies} take=${take} />`;
   }
   return found;
@@ -91,6 +94,8 @@ const [SWITCHED, OUTPUT] = [new Set(["tabs", "pierce"]), "torch"];
 const ACTIVE = "active";
 /** Key of all contours. */
 const OF_CONTOURS = "path.contours.";
+/** A number with a decimal comma, and its unit. */
+const DECIMAL_COMMA = /^([-+]?\d+),(\d+)\s*([^\d\s,].*)?$/;
 /** Slider positions are integers from 0 to this. */
 const STEPS = 1000;
 
@@ -226,7 +231,8 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   const isOuter = outer !== undefined && key !== wish.key;
   // The field shows its location, and the newest refusal has the reasons of the waiting edits.
   const said = sentence.replace(/^[\w.-]+: ([\w.-]+: )*/, "").replace(/ \(line \d+\)/, "").replace(/^the key \S*?(\w+) is missing/, (/** @type {string} */ _all, /** @type {string} */ name) => `${words(name)} is required as well`);
-  const refused = { ...wish, place: place ?? wish.key, sentence: said, remedies, was: writtenOf(wish.key), outer: isOuter ? outer : "" };
+  const pointed = pointedOf(wish);
+  const refused = { ...wish, place: place ?? wish.key, sentence: said, remedies: pointed ? [[pointed]] : remedies, was: writtenOf(wish.key), outer: isOuter ? outer : "" };
   const others = waiting.value.map((x) => {
     if (isOuter && more.includes(x)) return { ...x, outer, sentence: "" };
     return isOuter && x.outer === outer ? { ...x, sentence: "" } : x;
@@ -235,6 +241,15 @@ export function refuseAt({ head: { key, sentence, remedies } }) {
   else passing.value = refused;
   requestAnimationFrame(() => document.querySelector("#form .refused")?.scrollIntoView({ block: "nearest" }));
   return place !== undefined;
+}
+
+/** Return the edit that writes a refused decimal comma as a point, with the unit of the field; null without such a comma. @param {Wish} wish @returns {any} */
+function pointedOf({ key, edits }) {
+  const edit = /** @type {any} */ (edits.find((x) => isValue(x, key)));
+  const [, whole, decimals, unit] = DECIMAL_COMMA.exec(String(edit?.value)) ?? [];
+  if (whole === undefined) return null;
+  const value = `${whole}.${decimals} ${unit || (rowAt(key.split("."))?.unit ?? "")}`.trim();
+  return { ...edit, value };
 }
 
 /** Return whether an edit sets the value of a field. @param {any} edit @param {string} key */

@@ -20,6 +20,8 @@ import { lengthText } from "./units.js";
 
 // With more handles than this, only those in view are created.
 const MAX_HANDLES = 300;
+/** Least distance between the marks of corners; zooming in shows more of them [px]. */
+const CORNERS_APART = 24;
 /** Value for: no waypoint shall get the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
@@ -238,6 +240,7 @@ class Handles {
     const points = this.waypoints().map(({ role, index }) => isOnPath(role) && this.waypointAt(index));
     const corners = points.flatMap((p) => (p ? [this.pointer.screen(p).map((x) => x.toFixed(1)).join()] : []));
     mark(this.polygon, "points", corners.join(" "));
+    const marked = /** @type {Point[]} */ ([]);
     for (const handle of this.handles.values()) {
       const at = handle.at();
       handle.element.toggleAttribute("hidden", !at);
@@ -246,6 +249,13 @@ class Handles {
       const corner = handle.corner?.();
       const apex = this.pointer.screen(at);
       const [x, y] = corner ? beyond(corner, apex) : apex;
+      if (corner) {
+        const isUsed = handle.element.matches(":focus, .dragging");
+        const isShown = isUsed || marked.every(([a, b]) => Math.hypot(a - x, b - y) >= CORNERS_APART);
+        handle.element.toggleAttribute("hidden", !isShown);
+        if (!isShown) continue;
+        marked.push([x, y]);
+      }
       mark(handle.element, "transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
       // The handle is beyond the apex, so a line connects them.
       if (corner) mark(handle.element.children[1], "d", `M0 0L${(apex[0] - x).toFixed(1)} ${(apex[1] - y).toFixed(1)}`);

@@ -1,6 +1,6 @@
 // Small marks over the drawing: the tool at the shown time, the place of a refusal, and the sentence under the pointer.
 
-import { draw, make, mark, say } from "./dom.js";
+import { draw, make, mark, onAction, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
 import { headOf } from "./figures.js";
 import { NEAREST } from "./legend.js";
@@ -38,6 +38,7 @@ class Marks {
     view.followers.add(() => this.place());
     view.overlay.addEventListener("pointermove", (event) => this.hover(event));
     view.overlay.addEventListener("pointerleave", () => this.leave());
+    onAction(() => this.leave());
   }
 
   /** Move all marks to their places on the screen. */

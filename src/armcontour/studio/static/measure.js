@@ -121,20 +121,20 @@ export class Measure {
   /** Return the shape at a place: a point if one is near, else a line or a circle. @param {View} view @param {number} x px @param {number} y px @param {number} factor of the distances within which it is found @returns {Shape | null} */
   nearest(view, x, y, factor) {
     let [nearest, away] = [/** @type {Shape | null} */ (null), NEAR_SHAPE * factor];
-    let [point, least] = [/** @type {Vector | null} */ (null), NEAR_POINT * factor];
+    let [point, least] = [/** @type {Shape | null} */ (null), NEAR_POINT * factor];
     for (const shape of view.shapes()) {
       const seen = view.see(shape.points);
       const distance = distanceTo(seen, x, y);
       if (distance < away) [nearest, away] = [shape, distance];
-      for (const at of snapPoints(shape)) {
+      for (const { at, of } of snapPoints(shape)) {
         const [[u, v]] = view.see([at]);
         const far = Math.hypot(u - x, v - y);
-        if (far < least) [point, least] = [at, far];
+        if (far < least) [point, least] = [pointShape(at, of), far];
       }
     }
-    if (point) return pointShape(point);
+    if (point) return point;
     if (nearest?.kind !== "curve") return nearest;
-    return pointShape(onCurve(view, nearest, x, y));
+    return pointShape(onCurve(view, nearest, x, y), "point of a curve");
   }
 
   /** Draw in all views what is measured. */
@@ -167,8 +167,10 @@ export class Measure {
     this.box.dataset.distance = found ? String(found.distance) : "";
     this.box.dataset.angle = found?.angle == null ? "" : String(found.angle);
     this.box.dataset.kinds = clicked.map(({ kind }) => kind).join(" ");
+    this.box.dataset.picks = clicked.map(pickedName).join(", ");
     render(html`<p class="tool-title"><b>Measure</b></p>
       ${big ? html`<p class="measured-big">${big}</p><p>${small}</p>` : html`<p class="quiet">Click a point, a line or a circle, then a second one.</p>`}
+      ${clicked.length > 0 && html`<p>Picked: ${clicked.map(pickedName).join(", ")}</p>`}
       ${clicked.length === 1 && html`<p class="quiet">Click a second one for the distance.</p>`}`, this.box);
   }
 
@@ -205,13 +207,18 @@ export class Measure {
   }
 }
 
-/** Return the ends and the middle of a line, the centre of a circle. @param {Shape} shape @returns {Vector[]} */
+/** Return the ends and the middle of a line, the centre of a circle. @param {Shape} shape @returns {{at: Vector, of: string}[]} */
 function snapPoints({ kind, points, centre }) {
-  const ends = [points[0], /** @type {Vector} */ (points.at(-1))];
-  if (kind === "line") return [...ends, plus(ends[0], minus(ends[1], ends[0]), 0.5)];
-  if (kind === "circle" && centre) return [centre];
-  return centre ? [...ends, centre] : ends;
+  const [first, last] = [points[0], /** @type {Vector} */ (points.at(-1))];
+  const ends = [first, last].map((at) => ({ at, of: `end of a${kind === "arc" ? "n" : ""} ${kind}` }));
+  if (kind === "line") return [...ends, { at: plus(first, minus(last, first), 0.5), of: "middle of a line" }];
+  if (!centre) return ends;
+  const middle = { at: centre, of: `centre of a${kind === "arc" ? "n" : ""} ${kind}` };
+  return kind === "circle" ? [middle] : [...ends, middle];
 }
+
+/** Return in words what was picked. @param {Shape} shape */
+const pickedName = ({ kind, of }) => of ?? kind;
 
 /** @param {Shape} shape @returns {Vector} */
 const middleOf = ({ centre, points }) => centre ?? plus(points[0], minus(/** @type {Vector} */ (points.at(-1)), points[0]), 0.5);
@@ -219,7 +226,7 @@ const middleOf = ({ centre, points }) => centre ?? plus(points[0], minus(/** @ty
 /** Return the point of a surface at a place of a view. @param {View} view @param {number} x px @param {number} y px @returns {Shape | null} */
 function surfacePoint(view, x, y) {
   const point = view.surface?.(x, y);
-  return point ? pointShape(point) : null;
+  return point ? pointShape(point, "free point of a surface") : null;
 }
 
 /** Return the point of a curve that is nearest on the screen. @param {View} view @param {Shape} shape @param {number} x px @param {number} y px @returns {Vector} */

@@ -14,8 +14,8 @@ import { html, render } from "./vendor/preact.js";
 
 /** Kinds of obstacles with their lengths: label, and default as a factor of the usual side. @type {Record<string, {name: string, fields: [string, number][]}>} */
 export const KINDS = {
-  box: { name: "Box", fields: [["Size x", 1], ["Size y", 1], ["Height", 1]] },
-  cylinder: { name: "Cylinder", fields: [["Radius", 0.5], ["Height", 1]] },
+  box: { name: "Box", fields: [["Size x", 1], ["Size y", 1], ["Size z", 1]] },
+  cylinder: { name: "Cylinder", fields: [["Radius", 0.5], ["Length", 1]] },
   sphere: { name: "Sphere", fields: [["Radius", 0.5]] },
   capsule: { name: "Capsule", fields: [["Radius", 0.25], ["Length without the ends", 1]] },
   mesh: { name: "Mesh", fields: [] },

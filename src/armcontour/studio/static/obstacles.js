@@ -30,6 +30,15 @@ const dot = (a, b) => a.reduce((sum, x, k) => sum + x * (b[k] ?? 0), 0);
 /** Return the corners of the outline in the plane [m]. @param {Obstacle} obstacle @returns {Point[]} */
 const cornersOf = ({ uv, outline }) => outline.map(([u, v]) => [uv[0] + u, uv[1] + v]);
 
+/** Return whether a point is inside a convex outline. @param {Point} point @param {Point[]} outline */
+function isInside([x, y], outline) {
+  const sides = outline.map(([a, b], k) => {
+    const [c, d] = outline[(k + 1) % outline.length];
+    return Math.sign((c - a) * (y - b) - (d - b) * (x - a));
+  });
+  return sides.every((side) => side > 0) || sides.every((side) => side < 0);
+}
+
 class Obstacles {
   /** @param {Store} store @param {Pointer} pointer */
   constructor(store, pointer) {
@@ -63,15 +72,12 @@ class Obstacles {
 
   /** Return the obstacles as drawn: a dragged one at the pointer. @returns {Obstacle[]} */
   list() {
-    // A body on the part is below the whole drawing, so it is there only while it is selected.
-    const isShown = (/** @type {Obstacle} */ body) => body.outline && (body.fixed_to !== "part" || body.index === this.store.options.obstacle);
-    const all = this.store.document.obstacles.filter(isShown);
-    return all.map((/** @type {Obstacle} */ body, /** @type {number} */ k) => {
+    return this.view.drawnObstacles.map((/** @type {Obstacle} */ body, /** @type {number} */ k) => {
       const { x, y } = body.plane;
       const { at, size } = this.elements[k]?.held ?? {};
       const held = at && this.pointer.held(at);
       const by = held?.map((value, j) => value - (body.at?.[j] ?? 0)) ?? [0, 0, 0];
-      const uv = [body.uv[0] + dot(by, x), body.uv[1] + dot(by, y)];
+      const uv = /** @type {Point} */ ([body.uv[0] + dot(by, x), body.uv[1] + dot(by, y)]);
       return { ...body, uv, at: held ?? body.at, size: (size && this.pointer.held(size)) ?? body.size };
     });
   }
@@ -185,6 +191,10 @@ class Obstacles {
     // What is out of view is no stop of the Tab key; the list of obstacles has it.
     const { width, height } = this.view.view;
     const isInView = points.some(([x, y]) => x > 0 && y > 0 && x < width && y < height);
+    const { options } = this.store;
+    // Around the whole part, a body is ground: a drag there pans. The tool Obstacles and the list select it.
+    const isGround = options.tool !== "obstacles" && obstacle.index !== options.obstacle && this.surroundsPart(points);
+    body.classList.toggle("ground", isGround);
     for (const grip of [body, sizer]) mark(grip, "tabindex", isInView ? "0" : "-1");
     mark(body, "aria-label", `Obstacle ${obstacle.name ?? obstacle.index + 1}`);
     mark(body, "aria-valuetext", `at ${at.map((x) => lengthText(x, 1)).join(", ")}`);
@@ -192,6 +202,15 @@ class Obstacles {
     mark(sizer, "aria-label", `Size of obstacle ${obstacle.name ?? obstacle.index + 1}`);
     mark(sizer, "aria-valuetext", (obstacle.size ?? []).map((x) => lengthText(x, 1)).join(" by "));
     mark(sizer, "aria-valuenow", String(Math.round(1000 * (obstacle.size?.[0] ?? 0))));
+  }
+
+  /** Return whether an outline surrounds the whole part. @param {Point[]} outline px */
+  surroundsPart(outline) {
+    const { box, view } = this.view;
+    if (!box) return false;
+    const { left, right, bottom, top } = box;
+    const corners = /** @type {Point[]} */ ([[left, bottom], [right, bottom], [right, top], [left, top]]);
+    return corners.every((corner) => isInside(view.toScreen(corner), outline));
   }
 
   /** @param {number} k */
@@ -217,10 +236,13 @@ class Obstacles {
       at: movable("at", ["x", "y", "z"], 0, (du, dv) => this.moved(from, du, dv)),
       size: movable("size", ["size", "by", "by"], LEAST_SIZE, (du, dv) => this.sized(from, du, dv)),
     };
-    this.pointer.movable(body, held.at);
+    // A contour over a body is selected first: the drawing gets the click.
+    const isPath = (/** @type {MouseEvent} */ event) => this.view.pathAt(event) >= 0;
+    this.pointer.movable(body, held.at, isPath);
+    body.addEventListener("mousedown", (event) => isPath(event) && event.preventDefault());
     this.pointer.movable(sizer, held.size);
     body.addEventListener("dblclick", () => this.rename(this.list()[k]));
-    body.addEventListener("focus", () => this.store.setView({ obstacle: this.list()[k].index }));
+    body.addEventListener("focus", () => this.store.setView({ obstacle: this.list()[k].index, contour: -1 }));
     body.addEventListener("keydown", (event) => {
       const obstacle = this.list()[k];
       if (event.key === "F2") this.rename(obstacle);

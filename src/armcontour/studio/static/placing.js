@@ -220,7 +220,7 @@ export class Placing {
     const shown = [0, 1, ...(target.rises ? [2] : []), ...(target.turns ? [3] : [])];
     const outOfReach = this.gesture && store.refusal?.head.error === "Unreachable";
     render(
-      html`<p class="tool-title"><b>${target.title}</b> <span class="quiet">${outOfReach ? "out of reach" : `steps 5 mm, 5°; Shift 0.1`}</span></p>
+      html`<p class="tool-title"><b>${target.title}</b> <span class="quiet">${outOfReach ? "out of reach" : `${unit}, °; steps 5 mm, 5°; Shift 0.1`}</span></p>
         <div class="tool-fields">${shown.map((k) => html`<label key=${k} class="axis-${k}"><span>${NAMES[k]}</span><${Entry} key=${`${target.key} ${k}`} value=${texts[k]} aria-label=${SPOKEN[k]} inputmode="text" send=${(/** @type {string} */ text) => this.type(k, text)} /><span class="quiet">${k < 3 ? unit : "°"}</span></label>`)}
         ${target.sizes.map((size) => html`<label key=${size.label} class="size"><span>${size.label}</span><${Entry} key=${`${target.key} ${size.label}`} value=${short(exact(size.value / factor), 7)} aria-label=${size.label} send=${(/** @type {string} */ text) => this.resize(size, text)} /><span class="quiet">${unit}</span></label>`)}</div>`,
       box,

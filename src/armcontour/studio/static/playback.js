@@ -14,6 +14,8 @@ import { html, render } from "./vendor/preact.js";
 const RATES = [0.1, 0.25, 0.5, 1, 2, 4];
 /** Minimum time between changes of numbers while the motion plays [ms]. */
 const PLAYING = 60;
+/** Space with the width of a digit. */
+const FIGURE_SPACE = "\u2007";
 /** Places of the motion to which a button and a key go: title, key, and picture of the button. */
 const JUMPS = /** @type {Record<string, {title: string, key: string, d: string}>} */ ({
   "contour-before": { title: "Begin of the contour, or the one before", key: "[", d: "M4 3v10M13 3L6 8l7 5z" },
@@ -86,7 +88,9 @@ export function init(store) {
     shown = performance.now();
     const motion = shownMotion(store);
     const { time, options } = store;
-    const [now, end] = [time, motion?.duration ?? 0].map(seconds);
+    const end = seconds(motion?.duration ?? 0);
+    // It has the width of the longest time, so that nothing beside it moves.
+    const now = seconds(time).padStart(end.length, FIGURE_SPACE);
     const rates = RATES.map((x) => /** @type {[string, string]} */ ([String(x), `${x}×`]));
     render(
       html`<button type="button" class="play" title="Play or pause (Space)" disabled=${!motion} onClick=${() => play(!playing)}>${playing ? "Pause" : "Play"}</button>

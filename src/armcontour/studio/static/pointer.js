@@ -105,8 +105,8 @@ export class Pointer {
     return [origin[0] + a * x[0] + b * y[0], origin[1] + a * x[1] + b * y[1]];
   }
 
-  /** Let an element change values by drag, arrow keys and digits. @param {SVGElement} element @param {Movable} what */
-  movable(element, what) {
+  /** Let an element change values by drag, arrow keys and digits. @param {SVGElement} element @param {Movable} what @param {(event: PointerEvent) => boolean} [isOther] whether the pointer is for something else */
+  movable(element, what, isOther = () => false) {
     /** @type {Point} */
     let from = [0, 0];
     let timer = 0;
@@ -117,6 +117,7 @@ export class Pointer {
     };
     dragged(element, {
       start: (event) => {
+        if (isOther(event)) return false;
         from = this.plane(event);
         return this.begin(what, this.view.within(event), event);
       },

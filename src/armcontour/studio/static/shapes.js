@@ -13,6 +13,7 @@ import { cross, dot, length, minus, plus, unit } from "./vectors.js";
  * @property {Vector} [centre]
  * @property {number} [radius]
  * @property {Vector} [axis]
+ * @property {string} [of]   what a point is, in words
  */
 /**
  * What two shapes measure: the ends of the shortest line between them, its length and components [m], and their angle [rad].
@@ -27,8 +28,8 @@ const SAME = 1e-6;
 /** Smallest sine of the angle between lines that are not parallel. */
 const PARALLEL = 1e-9;
 
-/** @param {Vector} p @returns {Shape} */
-export const pointShape = (p) => ({ kind: "point", points: [p], length: 0 });
+/** @param {Vector} p @param {string} of what it is a point @returns {Shape} */
+export const pointShape = (p, of) => ({ kind: "point", points: [p], length: 0, of });
 
 /** @param {Vector} a @param {Vector} b @returns {Shape} */
 export const lineShape = (a, b) => ({ kind: "line", points: [a, b], length: length(minus(b, a)) });

@@ -3,7 +3,7 @@
 // A click goes to a time; the knob of the line can be dragged. A dragged range is zoomed, a double click shows the whole motion. The wheel
 // zooms, with Shift it moves. On touch, a drag moves the time.
 
-import { make, mark, say } from "./dom.js";
+import { make, mark, onAction, say } from "./dom.js";
 import { contourLabel, mm, seconds } from "./format.js";
 import { speedAt } from "./motion_places.js";
 import { kindAt } from "./polylines.js";
@@ -61,6 +61,7 @@ export class Timeline {
     slider.addEventListener("dblclick", () => this.showAll());
     slider.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     slider.addEventListener("keydown", (event) => this.press(event));
+    onAction(() => this.hideTip());
     new ResizeObserver(() => this.draw()).observe(this.element);
     inches.subscribe(() => this.draw());
   }

@@ -139,13 +139,18 @@ export class View2d {
     const { width, height } = this.region.getBoundingClientRect();
     if (width < 2 || height < 2) return;
     const first = this.view.width === 1;
+    const isDragged = this.overlay.querySelector(".dragging") !== null;
+    const corner = this.view.toPlane([0, 0]);
     this.view.resize({ width, height });
+    // A dragged handle stays where the pointer is.
+    const [x, y] = this.view.toScreen(corner);
+    if (isDragged) this.view.pan(-x, -y);
     this.canvas.width = Math.round(width * devicePixelRatio);
     this.canvas.height = Math.round(height * devicePixelRatio);
     this.bitmap = null;
     if (first) this.fitted = "";
     this.fitOnce();
-    if (this.isFitted) this.fit();
+    if (this.isFitted && !isDragged) this.fit();
     this.isSeen = this.seesPart();
     this.drawNow();
   }
@@ -168,11 +173,19 @@ export class View2d {
     this.isFitted = this.isSeen = true;
   }
 
-  /** Return a box that also contains the obstacles [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
+  /** Return the obstacles that the drawing shows. @returns {any[]} */
+  get drawnObstacles() {
+    const { document, options } = this.store;
+    // A body on the part is below the whole drawing, so it is there only while it is selected.
+    const isDrawn = (/** @type {any} */ body) => body.outline && (body.fixed_to !== "part" || body.index === options.obstacle);
+    return (document?.obstacles ?? []).filter(isDrawn);
+  }
+
+  /** Return a box that also contains the drawn obstacles [m]. @param {import("./viewport.js").Box} box @returns {import("./viewport.js").Box} */
   withObstacles(box) {
     const [u, v] = this.store.latest("picture")?.head.centre ?? [0, 0];
     const points = [box.left, box.bottom, box.right, box.top];
-    for (const { uv, outline = [] } of this.store.document?.obstacles ?? [])
+    for (const { uv, outline } of this.drawnObstacles)
       for (const [a, b] of outline) points.push(uv[0] + a - u, uv[1] + b - v);
     return boxOf(points) ?? box;
   }
@@ -318,9 +331,14 @@ export class View2d {
   /** Select the contour at the pointer, or none. @param {PointerEvent} event */
   select(event) {
     if (measureOf().click("2d", ...this.within(event), event.pointerType === "touch")) return;
+    if (this.store.latest("picture")?.arrays.path.length) this.store.selectAt(this.pathAt(event));
+  }
+
+  /** Return the index of the path piece at the pointer, or -1. @param {MouseEvent} event */
+  pathAt(event) {
     const picture = this.store.latest("picture");
-    if (!picture?.arrays.path.length) return;
-    this.store.selectAt(this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale));
+    if (!picture?.arrays.path.length) return -1;
+    return this.layers.nearest(picture, this.view.toPlane(this.within(event)), NEAR / this.view.scale);
   }
 
   /** @param {PointerEvent} event */
