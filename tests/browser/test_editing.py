@@ -319,3 +319,29 @@ def test_tip_at_a_dragged_corner_is_not_under_the_tools(studio, folder):
             assert box["x"] + box["width"] <= region["x"] + region["width"]
             studio.page.keyboard.press("Escape")
     studio.open(folder / "job.yaml")
+
+
+def test_all_corners_are_one_stop_of_the_tab_key(studio, folder):
+    square = "points: [[0, 0, 0], [0.05, 0, 0], [0.05, 0.03, 0], [0, 0.03, 0], [0, 0, 0]]"
+    (folder / "square.yaml").write_text(JOB.replace("file: rings.dxf", square))
+    studio.open(folder / "square.yaml")
+    studio.rest()
+    for kind, count in (("corner", 3), ("waypoint", 4)):
+        handles = studio.find(f"g.handle.{kind}")
+        assert handles.count() >= count
+        stops = studio.find(f"g.handle.{kind}[tabindex='0']")
+        expect(stops).to_have_count(1)
+        stops.focus()
+        # The keys go around all handles of the kind, and the last one that had the focus is the stop.
+        expect(handles.first).to_be_focused()
+        studio.page.keyboard.press("PageUp")
+        expect(handles.last).to_be_focused()
+        studio.page.keyboard.press("PageDown")
+        studio.page.keyboard.press("PageDown")
+        expect(handles.nth(1)).to_be_focused()
+        expect(stops).to_have_count(1)
+        studio.page.keyboard.press("Tab")
+        expect(studio.find(f"g.handle.{kind}:focus")).to_have_count(0)
+        studio.page.keyboard.press("Shift+Tab")
+        expect(handles.nth(1)).to_be_focused()
+    studio.open(folder / "job.yaml")
