@@ -24,6 +24,7 @@ from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.report.arm_frame import matrix
 from armcontour.report.message_frame import MessageFrame
+from armcontour.studio.capped_speeds import capped_speeds
 from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import EXTERNAL_AXES, joint_unit, run_of, shown_unit, value_of
@@ -232,6 +233,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "waypoints": [] if handles is None else _waypoints(handles),
         "data": {**data, "path": _options(data.get("path"))},
         "values": {} if state.job is None else slider_rows(data, state.job, run),
+        "capped": {} if state.job is None else capped_speeds(data, state.job, run),
         "shown": shown_values(data),
         "layers": [] if state.job is None else _layers(state.job),
         "touch_columns": _touch_columns(state.job),
