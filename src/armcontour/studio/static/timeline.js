@@ -63,6 +63,12 @@ export class Timeline {
     slider.addEventListener("keydown", (event) => this.press(event));
     new ResizeObserver(() => this.draw()).observe(this.element);
     inches.subscribe(() => this.draw());
+    let rev = -1;
+    this.store.on("document", (/** @type {import("./state.js").Frame} */ frame) => {
+      // The tip tells of the motion before the edit.
+      if (frame.rev !== rev) this.hideTip();
+      rev = frame.rev;
+    });
   }
 
   /** Show the motion as it is now. @param {number} duration s; 0: there is none */
