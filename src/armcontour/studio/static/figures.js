@@ -62,7 +62,7 @@ function Figure({ name, row, seen, store, exact }) {
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit">${row?.unit}${name === "off_drawing" && typeof accuracy === "string" && html`<span class="of"> of ${shownText(accuracy)}</span>`}${exact && html`<${Margin} name=${name} store=${store} />`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
@@ -72,6 +72,13 @@ function Figure({ name, row, seen, store, exact }) {
   const t = place(store);
   const title = t === undefined ? "Its place follows with the figures of this plan" : "Show its place";
   return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
+}
+
+/** The least allowed distance of a clearance. @param {{name: string, store: Store}} props */
+function Margin({ name, store }) {
+  const margin = headOf(store).margins?.[name];
+  if (margin === undefined) return null;
+  return html`<span class="of">${margin ? ` of at least ${shownText(margin)}` : ", without a least distance"}</span>`;
 }
 
 /** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */
