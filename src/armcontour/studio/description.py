@@ -31,7 +31,7 @@ from armcontour.studio.edits.keys import EXTERNAL_AXES, joint_unit, run_of, show
 from armcontour.studio.edits.layout import tilt_ignored, tilt_of
 from armcontour.studio.edits.obstacles import part_names
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
-from armcontour.studio.run_keys import differing_keys
+from armcontour.studio.run_keys import differing_keys, values_of
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
@@ -228,6 +228,7 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "runs": runs_of(data),
         "run_states": run_states(data),
         "run_keys": differing_keys(data),
+        "run_values": values_of(data, run),
         "run": run,
         "path": _path(data, handles, state, run),
         "waypoints": [] if handles is None else _waypoints(handles),

@@ -16,6 +16,8 @@ import { html, render } from "./vendor/preact.js";
 
 const SPOKEN_EVERY = 1000; // ms
 const MOST_ADVISED = 2;
+/** The timing method that knows which limit is active. */
+const OPTIMAL = "optimal";
 /** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
 /** Figures in display order; the duration of a run is between them. */
@@ -32,7 +34,7 @@ const PLACES = {
   obstacle: (store) => headOf(store).obstacle_t,
   own_links: (store) => headOf(store).own_links_t,
 };
-/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
+/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server; and the keys that applied to the run. @typedef {{rev: number, rows: Rows, before: Rows | null, values: Record<string, string>, valuesBefore: Record<string, string>}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
 const past = new Map();
 
@@ -45,7 +47,10 @@ function remember(store) {
   const last = pastOf(store);
   // The figures of a certified plan are not those of the run.
   if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
-  past.set(figures.head.run, { rev: figures.rev, rows: rowsOf(store).rows, before: last?.rows ?? null });
+  past.set(figures.head.run, {
+    ...{ rev: figures.rev, rows: rowsOf(store).rows, values: store.document.run_values },
+    ...{ before: last?.rows ?? null, valuesBefore: last?.values ?? {} },
+  });
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -92,6 +97,11 @@ function Shares({ store }) {
     const t = picture && (timeOf(picture, kind) ?? (breaks && (times[breaks[0]] + times[breaks[1] - 1]) / 2));
     if (t !== null && t !== undefined) store.setTime(t);
   };
+  const { runs = [], run } = store.document ?? {};
+  const timing = runs.find((/** @type {any} */ x) => x.name === run)?.timing ?? OPTIMAL;
+  if (!kinds.length && timing !== OPTIMAL && hasMotion(store))
+    return html`<div class="figure shares unknown"><span class="label">Where the time goes</span>
+      <span class="note">Not known with the timing ${timing}: only the timing ${OPTIMAL} tells which limit is active when.</span></div>`;
   return html`<div class="figure shares" hidden=${!kinds.length}><span class="label">Where the time goes</span>
     <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
     <span class="note" title=${shares.join(", ")}>${kinds.filter(({ share }) => parseFloat(share) >= LEAST).map(({ kind, share }) => html`<button type="button" title="Show where that is longest" onClick=${() => show(kind)}><span class="key" style=${`background: ${look(kind).colour}`} />${look(kind).label} ${fixed(parseFloat(share), 0)} %</button>`)}</span></div>`;
