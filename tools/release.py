@@ -23,7 +23,7 @@ VERSIONS = {
     "src/armcontour/_version.py": r'^__version__ = "(.+)"$',
     "CITATION.cff": r"^version: (.+)$",
     "CHANGELOG.md": r"^## (\S+)",
-    "README.md": r"^\*\*Status:\*\* version (\d+\.\d+\.\d+)",
+    "README.md": r"Version (\d+\.\d+\.\d+) is tested",
 }
 
 

@@ -5,7 +5,6 @@
 
 import html
 import json
-import pickle
 import re
 from importlib import resources
 
@@ -15,10 +14,6 @@ import yaml
 
 import armcontour as ac
 from armcontour.core.result import nest
-from armcontour.report.view import View
-from armcontour.studio.handles import handles_of
-from armcontour.studio.plan_frames import picture_frame
-from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tasks.dispatch import do
 
 LIBRARY = resources.files("armcontour.jobs") / "library"
@@ -110,12 +105,9 @@ def value_at(data, name):
 
 def studio(text, folder, run):
     """What the Studio says of a run: its figures, and what takes its time."""
-    frame = do("figures", {"text": text, "folder": str(folder), "run": run}, lambda step: None)
-    previewer = CoarsePlanner(folder)
-    data = yaml.safe_load(text)
-    handles = handles_of(previewer.job(data, run), data)
-    planned = previewer.exact(data, pickle.loads(frame.arrays["plan"]))
-    picture = picture_frame(planned, View(handles.plane, handles.centre))
+    request = {"text": text, "folder": str(folder), "run": run}
+    frame = do("figures", request, lambda step: None)
+    picture = do("picture", request, lambda step: None)
     assert frame.header["time"] == picture.header["time"]
     return nest([(x["name"], x["value"]) for x in frame.header["rows"]]), frame.header["time"]
 

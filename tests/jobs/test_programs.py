@@ -184,8 +184,8 @@ def test_a_drawing_is_run_up_to_its_evaluation():
             Step(("compensated", name), 0.5, "contour 1 of 2"),
             Step(("compensated", name), 1.0, "contour 2 of 2"),
         ]
-    steps = "rounding tracing timing clearance compensation execution evaluation".split()
-    assert [x.names[-1] for x in progress_log if x.done is None] == steps
+    steps = "rounding tracing timing clearance compensation execution evaluation clearance"
+    assert [x.names[-1] for x in progress_log if x.done is None] == steps.split()
     assert result.evaluation.contour_error.max < 2e-5
     assert len(result.evaluation.contours) == 2
     names = [x.name for x in result.trajectory.events]
