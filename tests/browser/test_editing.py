@@ -349,3 +349,49 @@ def test_tilt_that_the_file_overrides_is_disabled_and_grey(studio, folder):
         expect(tilt).to_be_enabled(enabled=name == "job.yaml")
         looks.append(tilt.evaluate(look))
     assert looks[0] != looks[1]
+
+
+def test_all_corners_are_one_stop_of_the_tab_key(studio, folder):
+    square = "points: [[0, 0, 0], [0.05, 0, 0], [0.05, 0.03, 0], [0, 0.03, 0], [0, 0, 0]]"
+    (folder / "square.yaml").write_text(JOB.replace("file: rings.dxf", square))
+    studio.open(folder / "square.yaml")
+    studio.rest()
+    for kind, count in (("corner", 3), ("waypoint", 4)):
+        handles = studio.find(f"g.handle.{kind}")
+        assert handles.count() >= count
+        stops = studio.find(f"g.handle.{kind}[tabindex='0']")
+        expect(stops).to_have_count(1)
+        stops.focus()
+        # The keys go around all handles of the kind; the last one with the focus is the stop.
+        expect(handles.first).to_be_focused()
+        studio.page.keyboard.press("PageUp")
+        expect(handles.last).to_be_focused()
+        studio.page.keyboard.press("PageDown")
+        studio.page.keyboard.press("PageDown")
+        expect(handles.nth(1)).to_be_focused()
+        expect(stops).to_have_count(1)
+        studio.page.keyboard.press("Tab")
+        expect(studio.find(f"g.handle.{kind}:focus")).to_have_count(0)
+        studio.page.keyboard.press("Shift+Tab")
+        expect(handles.nth(1)).to_be_focused()
+    studio.open(folder / "job.yaml")
+
+
+def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):
+    studio.find("ol.contours button").first.click()
+    section = studio.find("section[aria-label='Selected contour']")
+    field = section.locator(".setting[data-key$='.speed']")
+    entry = field.locator("input[type=text]")
+    with studio.renewing():
+        entry.fill("40 mm/s")
+        entry.press("Enter")
+    expect(field.locator(".capped")).to_have_count(0)
+    with studio.renewing():
+        entry.fill("60 mm/s")
+        entry.press("Enter")
+    told = field.locator(".capped")
+    expect(told).to_contain_text("50 mm/s")
+    with studio.renewing():
+        told.get_by_role("button").click()
+    assert data_of(studio)["limits"]["speed"] == "60 mm/s"
+    expect(told).to_have_count(0)

@@ -229,13 +229,33 @@ def test_every_one_of_many_contours_is_reached_in_the_list(pages, folder):
     expect(rows).to_have_count(1)
     rows.first.locator("button").first.click()
     expect(studio.find("ol.contours [aria-pressed=true]")).to_contain_text("217")
+    # The next contour is not in the search: its page is shown, scrolled to its row.
+    expect(rows.first.locator(".time")).to_contain_text("s")
+    rows.first.locator("button").first.click()
+    rows.first.locator("button").first.click()
+    studio.page.keyboard.press("]")
+    selected = studio.find("ol.contours [aria-pressed=true]")
+    expect(selected).to_contain_text("218")
+    expect(search).to_have_value("")
+    place_in_list = """row => {
+        const [inner, outer] = [row, row.closest("ol")].map((x) => x.getBoundingClientRect());
+        return [inner.top - outer.top, outer.bottom - inner.bottom];
+    }"""
+    assert all(x >= 0 for x in selected.evaluate(place_in_list))
+    # So is the one before, on the page before.
+    search.fill("201")
+    rows.first.locator("button").first.click()
+    studio.find("body").press("[")
+    expect(selected).to_contain_text("200")
+    assert all(x >= 0 for x in selected.evaluate(place_in_list))
+    search.fill("217")
+    rows.first.locator("button").first.click()
     search.fill("no such layer")
     expect(rows).to_have_count(0)
     # Without the search, the page of the selected contour is shown when it is selected again.
     search.fill("")
     expect(rows).to_have_count(200)
     pages_of.get_by_role("button", name="Later").click()
-    selected = studio.find("ol.contours [aria-pressed=true]")
     expect(selected).to_contain_text("217")
     # Arrow keys move within the page.
     selected.focus()

@@ -82,3 +82,26 @@ def test_a_dropped_table_of_waypoints_is_a_drawing_and_not_a_log(shown, robot):
     dialog = shown.find("#question")
     expect(dialog).to_contain_text("Cell")
     dialog.get_by_role("button", name="Cancel").click()
+
+
+def test_several_logs_are_added_at_once_and_all_are_used(shown, robot):
+    files = [robot.folder / f"{name}.csv" for name in ("first", "second", "third")]
+    for k, file in enumerate(files):
+        robot.log(file, seed=k)
+    logs = shown.find("section.logs")
+    shown.tab("tasks")
+    with shown.page.expect_file_chooser() as choosing:
+        logs.locator(".task-head button").click()
+    assert choosing.value.is_multiple()
+    choosing.value.set_files(files[:2])
+    for file in files[:2]:
+        expect(logs.get_by_label(file.name)).to_be_checked()
+    # Another one leaves the first ones ticked.
+    drop_log(shown, files[2])
+    for file in files:
+        expect(logs.get_by_label(file.name)).to_be_checked()
+    # A task uses those that are ticked.
+    result = shown.do("identify")
+    expect(result.locator(".task-progress")).to_have_count(0)
+    expect(result).to_have_attribute("data-state", "done")
+    expect(result.locator(".task-sentence, .tiles").first).to_be_visible()

@@ -302,6 +302,10 @@ def on_screen(studio, point):
     return middle + scale * 1e-3 * (np.array(point) - [40, 20])
 
 
+# Outline of two round marks.
+TWO_MARKS = re.compile("^M[^ML]*M[^ML]*$")
+
+
 def measured(studio, name):
     return float(studio.told(".measure-box", name))
 
@@ -323,8 +327,11 @@ def test_two_clicks_measure_a_distance_an_angle_and_a_radius(drawing):
     drawing.wait(".measure-box", kinds="circle line")
     assert measured(drawing, "distance") == pytest.approx(0.03, abs=1e-9)
     expect(drawing.find("#view2d .measured-label")).to_be_visible()
-    # The picture in space has it as well.
-    expect(drawing.find("#view3d .measured-way")).to_have_attribute("d", re.compile("M.*L"))
+    # Two points are marked, in the picture in space as well; no line looks like one of the path.
+    for view in ("#view2d", "#view3d"):
+        expect(drawing.find(f"{view} .measured-dots")).to_have_attribute("d", TWO_MARKS)
+        paths = drawing.find(f"{view} .measured path:not(.measured-hover)")
+        assert not any("L" in (x.get_attribute("d") or "") for x in paths.all())
     # Two sides of the square.
     mouse.click(*on_screen(drawing, [14, 10]))
     mouse.click(*on_screen(drawing, [30, 26]))

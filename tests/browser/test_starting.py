@@ -45,6 +45,27 @@ def draw(studio, begin, end, *, typed=""):
     mouse.up()
 
 
+def test_the_first_sentence_on_an_empty_plane_is_not_covered(started):
+    take(started, "empty")
+    hint = started.find(".hint")
+    for width, height in ((1440, 900), (820, 1180), (390, 844)):
+        started.page.set_viewport_size({"width": width, "height": height})
+        started.page.wait_for_timeout(300)
+        expect(hint).to_be_visible()
+        text = hint.bounding_box()
+        for over in started.find("#viewbar button, #viewbar .scales, #legend").all():
+            box = over.bounding_box()
+            if box is None:
+                continue
+            is_beside = (
+                box["x"] + box["width"] <= text["x"] or text["x"] + text["width"] <= box["x"]
+            )
+            is_above = (
+                box["y"] + box["height"] <= text["y"] or text["y"] + text["height"] <= box["y"]
+            )
+            assert is_beside or is_above, (width, over.inner_text(), box, text)
+
+
 def test_a_drawn_rectangle_is_planned_and_moved(started, judge):
     studio = started
     take(studio, "empty")

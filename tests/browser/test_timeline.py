@@ -194,6 +194,16 @@ def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     press("Home")
     studio.wait("#playback", time="0")
     expect(tip).to_be_hidden()
+    # An edit, and its undo, are other motions.
+    for change in (lambda: studio.type("limits.speed", "45 mm/s"), studio.find("#undo").click):
+        studio.find("#playback [data-jump=slowest]").click()
+        expect(tip).to_be_visible()
+        studio.tab("process")
+        with studio.changing():
+            change()
+        expect(tip).to_be_hidden()
+    studio.find("#playback .play").press("Home")
+    studio.wait("#playback", time="0")
     # The arrow keys belong to the curve that has the focus; + and - zoom it.
     whole = part_of(studio)
     slider = studio.find(".scrub")

@@ -122,6 +122,36 @@ def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
     studio.tab("charts")
 
 
+def test_another_timing_method_has_its_name_before_the_change_and_a_reason(page, folder):
+    text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", "runs: {first: {}, second: {}}")
+    studio = shown(page, folder, text, "methods.yaml")
+    studio.choose_run("first")
+    studio.wait("#view2d", run="first")
+    studio.rest()
+    shares = studio.find("#figures .shares")
+    expect(shares.locator(".bar")).to_be_visible()
+    studio.tab("process")
+    studio.find("#panel").get_by_role("button", name="For run").click()
+    studio.find("#panel .seek input").fill("timing")
+    with studio.changing():
+        studio.find("#panel [data-key='timing.method'] select").select_option("conventional")
+    studio.find("#panel .seek input").fill("")
+    studio.find("#panel").get_by_role("button", name="For job").click()
+    # The share of each limit is not known, and the page says so.
+    expect(shares.locator(".bar")).to_have_count(0)
+    expect(shares).to_be_visible()
+    expect(shares).to_contain_text("optimal")
+    studio.tab("runs")
+    names = studio.find("#tab-runs thead th")
+    expect(names.filter(has_text="method")).to_have_count(1)
+    column = names.all_inner_texts().index("method")
+    before = studio.find("#tab-runs tr").filter(has_text="before the last change")
+    expect(before.locator("th, td").nth(column)).to_have_text("optimal")
+    now = studio.find("#tab-runs tr[data-run=first]")
+    expect(now.locator("th, td").nth(column)).to_have_text("conventional")
+    studio.tab("charts")
+
+
 def test_figures_of_a_run_stay_until_an_edit_touches_it(page, folder):
     runs = "runs: {first: {}, second: {limits: {speed: 45 mm/s}}}"
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)

@@ -4,6 +4,7 @@ import dataclasses
 import re
 from pathlib import Path as FilePath
 
+import ezdxf
 import numpy as np
 import pytest
 from tests.dynamics_extra import mark_all_but, needs_dynamics
@@ -61,6 +62,19 @@ def in_space(tmp_path_factory):
     file = tmp_path_factory.mktemp("space") / "program.ngc"
     file.write_text(GCODE, encoding="utf-8")
     return run(replace_runs(read_cell("ur5e", file), compensation=ac.NoCompensation()))
+
+
+def test_layers_that_are_not_run_are_named_once(tmp_path):
+    drawing = ezdxf.new()
+    drawing.units = ezdxf.units.MM
+    for k, layer in enumerate(("CUT", "FRAME")):
+        drawing.modelspace().add_circle((100 + 30 * k, 100), 8, dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "rings.dxf")
+    job = read_cell("pmk3s", tmp_path / "rings.dxf", patch={("path", "layers"): ["CUT"]})
+    (run_of_cell, *_) = job.runs
+    runs = [dataclasses.replace(run_of_cell, name=name) for name in ("first", "second")]
+    page = render_report(run(dataclasses.replace(job, runs=runs)))
+    assert page.count("FRAME (1)") == 1
 
 
 @needs_dynamics

@@ -24,6 +24,7 @@ from armcontour.files.job_patch import full_key, key_of, locate_key
 from armcontour.files.job_text_edits import change_data, value_at
 from armcontour.files.scene_file import SceneModel, scene_of
 from armcontour.studio import server
+from armcontour.studio.capped_speeds import capped_speeds
 from armcontour.studio.description import shown_values, slider_rows
 from armcontour.studio.edits import EDITS, changes_of
 from armcontour.studio.edits.keys import format_value
@@ -483,6 +484,43 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
         assert value_in_job is not None
         if x["unit"] not in ("", "%") and isinstance(value_in_job, str):
             assert parse_quantity(value_in_job, unit_in_si(key)) == pytest.approx(target)
+
+
+CAPPED = """\
+name: capped
+arm: pmk3s
+path:
+  points: [[0.35, 0.1], [0.4, 0.15], [0.35, 0.2]]
+  contours: {1: {speed: 120 mm/s}, 2: {speed: 0.1}, 3: {tolerance: 1 mm}}
+limits: {speed: 100 mm/s}
+corners: {tolerance: 1 mm}
+servo: {kp: 25, kv: 150}
+runs:
+  slow: {limits: {speed: 0.05}}
+  shared: {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("run", "expected"),
+    [
+        ("shared", {"path.contours.1.speed": "120 mm/s"}),
+        ("slow", {"path.contours.1.speed": 0.12, "path.contours.2.speed": 0.1}),
+    ],
+)
+def test_speeds_above_that_of_the_run_are_found_and_the_remedy_raises_it(run, expected):
+    # One contour is enough for a job; the speeds of the others are only in its data.
+    text = CAPPED.replace("2: {speed: 0.1}, 3: {tolerance: 1 mm}", "")
+    data = load(CAPPED, "")
+    job = parse_job(text)
+    rows = capped_speeds(data, job, run)
+    assert {key: x["raised"] for key, x in rows.items()} == expected
+    limit = "100 mm/s" if run == "shared" else "50 mm/s"
+    assert all(limit in x["sentence"] for x in rows.values())
+    state = EditState(data=data, run=run, handles=handles_of(job, data))
+    edit = {"do": "set", "key": "limits.speed", "value": rows["path.contours.1.speed"]["raised"]}
+    raised = change_data(data, changes_of(edit, state))
+    assert not capped_speeds(raised, parse_job(change_text(text, changes_of(edit, state))), run)
 
 
 def unit_in_si(key):

@@ -1,5 +1,6 @@
 """Logs of a robot in the Studio: storage, identification, learning."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -148,6 +149,20 @@ def test_logs_of_another_job_are_refused(ask, robot, done, tmp_path):
             with pytest.raises(InvalidInput, match=r"bad\.csv") as refused:
                 ask(task, log)
             assert str(tmp_path) not in str(refused.value)
+
+
+def test_a_refusal_of_columns_names_the_field_of_the_task(ask, robot, done, tmp_path):
+    rows = robot.table(done)
+    log = write_table(tmp_path / "other.csv", rows, "t [s],cmd_1,cmd_2,act_1,act_2")
+    for task in ("learn", "identify"):
+        with pytest.raises(InvalidInput, match="the field columns") as refused:
+            ask(task, log)
+        assert "--columns" not in str(refused.value)
+        # What the sentence proposes is accepted by the field.
+        proposed = re.search(r"with (\S+) in the field columns", str(refused.value))[1]
+        assert "u#=cmd_#" in proposed or "u1=" in proposed, proposed
+    frame = ask("identify", log, columns="u# [rad]=cmd_#,q# [rad]=act_#")
+    assert frame.header["kept"]
 
 
 def test_logs_are_kept_in_the_folder_of_the_user_until_the_session_ends(file, home):

@@ -120,6 +120,12 @@ def test_the_distance_to_an_obstacle_is_a_figure_of_its_own(square):
     assert rows["obstacle"]["value"] > own["value"] > 0
     assert own["value"] == pytest.approx(rows["clearance.low"]["value"], rel=1e-9)
     assert "post" not in own["note"]
+    # The least allowed distances are stated; an obstacle can have its own.
+    margins = header["margins"]
+    assert margins["obstacle"] == "5 mm" and margins["own_links"] == "2 mm"
+    square["scene"] = {"obstacles": [{**post, "margin": "8 mm"}], "margins": {"own": 0, "tool": 0}}
+    margins = ask("figures", square, "optimal").header["margins"]
+    assert margins["obstacle"] == "8 mm" and margins["own_links"] == ""
     assert header["own_links_t"] == header["nearest"]["t"] != header["obstacle_t"]
     # Without obstacles, there is one figure.
     del square["scene"]

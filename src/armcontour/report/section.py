@@ -158,9 +158,10 @@ def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTa
     notes = {x.label: x.note for x in values}
     figures = [(*x, notes[x[0]]) for x in figures]
     half = (len(figures) + 1) // 2
+    continued = caption and f"{caption}, continued"
     return tuple(
-        TextTable(header=("figure", "value", ""), rows=tuple(x), caption=caption, half=True)
-        for x in (figures[:half], figures[half:])
+        TextTable(header=("figure", "value", ""), rows=tuple(x), caption=text, half=True)
+        for text, x in ((caption, figures[:half]), (continued, figures[half:]))
     )
 
 

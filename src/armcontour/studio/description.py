@@ -24,13 +24,14 @@ from armcontour.jobs import Job
 from armcontour.planning import Optimal
 from armcontour.report.arm_frame import matrix
 from armcontour.report.message_frame import MessageFrame
+from armcontour.studio.capped_speeds import capped_speeds
 from armcontour.studio.differences import differences
 from armcontour.studio.document import Document
 from armcontour.studio.edits.keys import EXTERNAL_AXES, joint_unit, run_of, shown_unit, value_of
 from armcontour.studio.edits.layout import tilt_ignored, tilt_of
 from armcontour.studio.edits.obstacles import part_names
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of, plane_in
-from armcontour.studio.run_keys import differing_keys
+from armcontour.studio.run_keys import differing_keys, values_of
 from armcontour.studio.slider_ranges import SLIDER_RANGES
 
 # Labels of edits in the undo list, by `do` of the edit.
@@ -229,11 +230,13 @@ def document_frame(document: Document, state: JobState, run: str) -> MessageFram
         "runs": runs_of(data),
         "run_states": run_states(data),
         "run_keys": differing_keys(data),
+        "run_values": values_of(data, run),
         "run": run,
         "path": _path(data, handles, state, run),
         "waypoints": [] if handles is None else _waypoints(handles),
         "data": {**data, "path": _options(data.get("path"))},
         "values": {} if state.job is None else slider_rows(data, state.job, run),
+        "capped": {} if state.job is None else capped_speeds(data, state.job, run),
         "shown": shown_values(data),
         "layers": [] if state.job is None else _layers(state.job),
         "touch_columns": _touch_columns(state.job),

@@ -46,6 +46,22 @@ def differing_keys(data: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
+def values_of(data: Mapping[str, Any], run: str) -> dict[str, str]:
+    """Return the texts of all keys that apply to a run, by key, as `differing_keys` has them.
+
+    >>> values_of({"cycle": "4 ms", "runs": {"own": {}}}, "own")["cycle"]
+    '4 ms'
+
+    Args:
+        data: Data of the job, as written.
+        run: Name of the run.
+    """
+    runs = data.get("runs")
+    own = runs.get(run) if isinstance(runs, Mapping) else None
+    leaves = _leaves((), _keys_of(own, data))
+    return {".".join(map(str, keys)): _text(value) for keys, value in leaves}
+
+
 def _keys_of(run: Any, data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys that apply to a run: its own, and those of the job."""
     own = run if isinstance(run, Mapping) else {}

@@ -124,7 +124,10 @@ def notes(job_result: JobResult, warnings: Sequence[str] = ()) -> Section | None
     shown_warnings = tuple(warnings) or warnings_of(runs)
     remarks = list[str]()
     for result in runs:
-        remarks += (*result.path.remarks, *result.remarks)
+        # Notes of the drawing are said once, and not for each run.
+        of_drawing = result.path.remarks
+        said = [f"Run {result.run.name}: {x}" for x in of_drawing]
+        remarks += (*of_drawing, *(x for x in result.remarks if x not in said))
     others = (
         *dict.fromkeys(remarks),
         *unknown_notes(job_result.runs.values()),

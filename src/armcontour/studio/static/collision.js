@@ -65,7 +65,7 @@ function Contacts({ store, link }) {
           ${obstacle >= 0 && html`<button type="button" onClick=${() => store.setView({ tool: "obstacles", obstacle, pen: "" })}>Move obstacle</button>`}</span>`}</li>`;
     })}</ul>
     ${all.length > MOST && html`<p class="quiet">and ${all.length - MOST} more pairs, in the sentence</p>`}
-    <details><summary>Sentence</summary>${store.refusal?.head.sentence}</details>
+    <details><summary>Where and how near</summary>${store.refusal?.head.sentence}</details>
     <div class="acts"><button type="button" title="Move, raise and turn the part (G)" onClick=${() => chooseTool(store, "move")}>Move part</button></div>`;
 }
 

@@ -41,6 +41,8 @@ export function init(store) {
   const region = find("#tab-contours");
   const all = () => /** @type {Contour[]} */ (store.latest("picture")?.head.contours ?? []);
   let isMoved = false;
+  /** True if a contour was selected whose row is not yet drawn. */
+  let isAwaited = false;
   /** What the user searches among the contours; and the first row of the shown page. */
   let [sought, first] = ["", 0];
   /** Contours that the search finds: those that are run with their place in the motion, then the others. @returns {{contour: Contour, k: number}[]} */
@@ -104,6 +106,8 @@ export function init(store) {
     );
     // The focus goes with a moved row.
     if (isMoved && region.contains(document.activeElement)) /** @type {HTMLElement | null} */ (region.querySelector("[aria-pressed=true]"))?.focus();
+    if (isAwaited) reveal();
+    isAwaited = false;
   });
   const turn = (/** @type {number} */ row) => {
     first = row;
@@ -129,13 +133,13 @@ export function init(store) {
   const reveal = () => {
     const [list, row] = ["ol", "[aria-pressed=true]"].map((x) => /** @type {HTMLElement | null} */ (region.querySelector(x)));
     if (!list || !row) return;
-    const top = row.offsetTop - list.offsetTop;
+    const top = list.scrollTop + row.getBoundingClientRect().top - list.getBoundingClientRect().top;
     list.scrollTop = Math.min(top, Math.max(list.scrollTop, top + row.offsetHeight - list.clientHeight));
   };
   store.on("view", () => {
     if (store.options.contour !== shown) {
+      isAwaited = true;
       turnToSelected();
-      setTimeout(reveal, 2 * READING);
     }
     shown = store.options.contour;
   });

@@ -16,6 +16,8 @@ import { html, render } from "./vendor/preact.js";
 
 const SPOKEN_EVERY = 1000; // ms
 const MOST_ADVISED = 2;
+/** The timing method that knows which limit is active. */
+const OPTIMAL = "optimal";
 /** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
 /** Figures in display order; the duration of a run is between them. */
@@ -32,7 +34,7 @@ const PLACES = {
   obstacle: (store) => headOf(store).obstacle_t,
   own_links: (store) => headOf(store).own_links_t,
 };
-/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server. @typedef {{rev: number, rows: Rows, before: Rows | null}} Past */
+/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server; and the keys that applied to the run. @typedef {{rev: number, rows: Rows, before: Rows | null, values: Record<string, string>, valuesBefore: Record<string, string>}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
 const past = new Map();
 
@@ -45,7 +47,10 @@ function remember(store) {
   const last = pastOf(store);
   // The figures of a certified plan are not those of the run.
   if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
-  past.set(figures.head.run, { rev: figures.rev, rows: rowsOf(store).rows, before: last?.rows ?? null });
+  past.set(figures.head.run, {
+    ...{ rev: figures.rev, rows: rowsOf(store).rows, values: store.document.run_values },
+    ...{ before: last?.rows ?? null, valuesBefore: last?.values ?? {} },
+  });
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -64,7 +69,7 @@ function Figure({ name, row, seen, store, exact }) {
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;
   const content = html`<span class="label"><span>${seen?.label ?? NAMES[name]}</span>${name === "duration" && html`<span class="exactness" title=${exact ? "As `armcontour run` of this job gives it" : "Exact figures follow when nothing changes"}>${exactnessOf(store)}</span>`}</span>
-    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit"><span class=${isRepeated ? "repeated" : ""}>${row?.unit}</span>${limit && html`<span class="of"> of ${limit}</span>`}</span></span>
+    <span class="number"><span class="value">${isRefused ? refused : `${looks.mark} ${text ?? (name === "kept" && isChecking ? "checking" : NONE)}`.trim()}</span><span class="unit"><span class=${isRepeated ? "repeated" : ""}>${row?.unit}</span>${limit && html`<span class="of"> of ${limit}</span>`}${exact && html`<${Margin} name=${name} store=${store} />`}</span></span>
     <span class=${gain ? `note ${row?.value > old?.value ? "worse" : "better"}` : "note"} title=${row?.note}>${gain || row?.note}</span>`;
   const shared = {
     class: `figure ${row && ALARMS[name]?.(row.value) ? "alarm" : ""}`, "data-figure": name, "data-value": row ? String(row.value) : "", "data-exact": String(exact),
@@ -74,6 +79,13 @@ function Figure({ name, row, seen, store, exact }) {
   const t = place(store);
   const title = t === undefined ? "Its place follows with the figures of this plan" : "Show its place";
   return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
+}
+
+/** The least allowed distance of a clearance. @param {{name: string, store: Store}} props */
+function Margin({ name, store }) {
+  const margin = headOf(store).margins?.[name];
+  if (margin === undefined) return null;
+  return html`<span class="of">${margin ? ` of at least ${shownText(margin)}` : ", without a least distance"}</span>`;
 }
 
 /** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */
@@ -87,6 +99,11 @@ function Shares({ store }) {
     const t = picture && (timeOf(picture, kind) ?? (breaks && (times[breaks[0]] + times[breaks[1] - 1]) / 2));
     if (t !== null && t !== undefined) store.setTime(t);
   };
+  const { runs = [], run } = store.document ?? {};
+  const timing = runs.find((/** @type {any} */ x) => x.name === run)?.timing ?? OPTIMAL;
+  if (!kinds.length && timing !== OPTIMAL && hasMotion(store))
+    return html`<div class="figure shares unknown"><span class="label">Where the time goes</span>
+      <span class="note">Not known with the timing ${timing}: only the timing ${OPTIMAL} tells which limit is active when.</span></div>`;
   return html`<div class="figure shares" hidden=${!kinds.length}><span class="label">Where the time goes</span>
     <span class="bar" aria-hidden="true">${kinds.map(({ kind, share }) => html`<span style=${`flex-grow: ${parseFloat(share)}; background: ${look(kind).colour}`} />`)}</span>
     <span class="note" title=${shares.join(", ")}>${kinds.filter(({ share }) => parseFloat(share) >= LEAST).map(({ kind, share }) => html`<button type="button" title="Show where that is longest" onClick=${() => show(kind)}><span class="key" style=${`background: ${look(kind).colour}`} />${look(kind).label} ${fixed(parseFloat(share), 0)} %</button>`)}</span></div>`;

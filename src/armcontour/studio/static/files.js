@@ -30,7 +30,7 @@ class Files {
       if (file) this.open(file);
     });
     this.listenToDrops();
-    store.on("open", (/** @type {any} */ { file, log }) => this.open(file, log));
+    store.on("add logs", (/** @type {File[]} */ files) => this.addLogs(files));
     store.on("saved", (/** @type {any} */ frame) => notify(`Saved ${frame.head.file}.`));
     store.on("download", (/** @type {any} */ frame) => this.download(frame.head));
     store.on("conflict", (/** @type {any} */ frame) => this.conflict(frame.head));
@@ -46,9 +46,21 @@ class Files {
     for (const name of /** @type {("dragover" | "dragleave")[]} */ (["dragover", "dragleave"])) window.addEventListener(name, over);
     window.addEventListener("drop", (event) => {
       over(event);
-      const file = event.dataTransfer?.files[0];
-      if (file) this.open(file);
+      this.openDropped([...(event.dataTransfer?.files ?? [])]);
     });
+  }
+
+  /** Open a dropped file, or all dropped logs. @param {File[]} files */
+  async openDropped(files) {
+    if (files.length === 1) return this.open(files[0]);
+    const are = await Promise.all(files.map(isLog));
+    if (are.every(Boolean)) return this.addLogs(files);
+    notify("Several files can be dropped at once only if all are logs of the robot: drop the others one by one.", "alarm");
+  }
+
+  /** Store logs, in their order. @param {File[]} files */
+  async addLogs(files) {
+    for (const file of files) await this.open(file, true);
   }
 
   /** @param {File} file @param {boolean} [log] whether it is a log of the robot; by its name and first line otherwise */

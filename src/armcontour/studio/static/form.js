@@ -309,10 +309,10 @@ function One({ f, at, label = f.name }) {
     if (typeof at.at(-1) === "number" && typeof whole.written !== "object") own.written ??= whole.written;
     if (key === "corners.shape" && typeof (whole.written ?? "") === "string") own.written = f.choices?.[0];
     const edits = /** @type {any[]} */ (waiting.value.find((x) => x.key === key)?.edits);
-    return JSON.stringify([own, rowAt(at), head.value.shown[key], edits?.findLast((x) => x.do === "set" && x.key.join(".") === key)?.value]);
+    return JSON.stringify([own, rowAt(at), head.value.shown[key], edits?.findLast((x) => x.do === "set" && x.key.join(".") === key)?.value, head.value.capped[key]]);
   });
   // Values of external axes are shown in the units of the page, whatever their units in the file.
-  const [{ written, from }, row, shown, refused] = JSON.parse(state.value);
+  const [{ written, from }, row, shown, refused, capped] = JSON.parse(state.value);
   const isEmpty = written === undefined && !row;
   const lengthUnit = row?.unit ?? shown?.unit ?? (isEmpty ? typedUnitOf(f, at) : f.unit) ?? "";
   const place = useRef(/** @type {HTMLElement | null} */ (null));
@@ -358,9 +358,14 @@ function One({ f, at, label = f.name }) {
     ${(is === "job" || is === "run") && !f.needed && !(isChosen && f.label) && html`<${Without} at=${at} name=${name} />`}
     ${control}
     ${slider && html`<${Range} slider=${slider} at=${at} written=${value} place=${place} />`}
+    ${capped && refused === null && html`<${Capped} ...${capped} />`}
     <${Refusal} at=${at} />
   </div>`;
 }
+
+/** That a speed is above the job's, with a button that raises the job's. @param {{sentence: string, raised: string | number, text: string}} props */
+const Capped = ({ sentence, raised, text }) =>
+  html`<p class="capped" role="status">${shownText(sentence)} <button type="button" onClick=${() => link.edit([{ do: "set", key: ["limits", "speed"], value: raised }])}>Raise it to ${shownText(text)}</button></p>`;
 
 /** Return the unit of a number that is typed for a key without a value: on a contour, that of the value for all contours. @param {Field} f @param {Key} at @returns {string | undefined} */
 function typedUnitOf(f, at) {

@@ -22,6 +22,8 @@ import { lengthText } from "./units.js";
 const MAX_HANDLES = 300;
 /** Least distance between the marks of corners; zooming in shows more of them [px]. */
 const CORNERS_APART = 24;
+/** Keys that go to the next handle of the same kind, or the one before. @type {Record<string, number>} */
+const TO_OTHERS = { PageDown: 1, PageUp: -1 };
 /** Value for: no waypoint shall get the focus. */
 const NOTHING = { index: -1, seq: Infinity, count: 0 };
 
@@ -40,6 +42,8 @@ class Handles {
     this.inserted = NOTHING;
     for (const event of ["document", "picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => this.answered(frame));
     view.followers.add(() => this.place());
+    view.overlay.addEventListener("focusin", () => this.settle());
+    view.overlay.addEventListener("keydown", (event) => this.goToOther(event));
   }
 
   /** Update the handles, because a new frame may have other ones or other places. @param {import("./state.js").Frame | null} frame */
@@ -260,6 +264,38 @@ class Handles {
       // The handle is beyond the apex, so a line connects them.
       if (corner) mark(handle.element.children[1], "d", `M0 0L${(apex[0] - x).toFixed(1)} ${(apex[1] - y).toFixed(1)}`);
     }
+    this.settle();
+  }
+
+  /** Return the handles of a group that are in the view, in the order of the path. @param {SVGGElement} group @returns {SVGGElement[]} */
+  seenOf(group) {
+    const seen = [...this.handles.values()].filter(({ element, at }) => {
+      const place = element.parentNode === group ? at() : null;
+      return place !== null && this.inView(place);
+    });
+    return seen.map((x) => x.element).sort((a, b) => Number(a.dataset.index) - Number(b.dataset.index));
+  }
+
+  /** Let one waypoint and one corner be a stop of the Tab key: the one with the focus, else the same as before, else the first in the view. */
+  settle() {
+    const [, ...groups] = this.groups;
+    for (const group of groups) {
+      const seen = this.seenOf(group);
+      const stop = seen.find((x) => x === document.activeElement) ?? seen.find((x) => x.getAttribute("tabindex") === "0") ?? seen[0];
+      for (const element of group.children) mark(element, "tabindex", element === stop ? "0" : "-1");
+    }
+  }
+
+  /** Give the focus to another handle of the same kind. Arrow keys move a handle, so other keys lead to the next one. @param {KeyboardEvent} event */
+  goToOther(event) {
+    const way = TO_OTHERS[event.key];
+    const element = event.target instanceof SVGGElement ? event.target : null;
+    const group = this.groups.find((x) => x === element?.parentNode);
+    if (!way || !element || !group) return;
+    const seen = this.seenOf(group);
+    const next = seen[(seen.indexOf(element) + way + seen.length) % seen.length];
+    event.preventDefault();
+    next?.focus();
   }
 }
 

@@ -8,7 +8,7 @@ import { html, render } from "./vendor/preact.js";
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./connection.js").Link} Link */
 
-const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "not on disk", none: "not yet a file" });
+const ON_DISK = /** @type {Record<string, string>} */ ({ changed: "changed on disk", missing: "no job file", none: "no job file" });
 
 /** Return whether unsaved changes exist; a drawing that was only viewed has no job file yet. @param {any} head @returns {boolean} */
 export const hasChanges = (head) => Boolean(head?.dirty && (head.on_disk !== "missing" || head.undo_label));

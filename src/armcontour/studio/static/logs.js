@@ -25,19 +25,15 @@ export async function isLog(file) {
   return /[,;\t]/.test(first) && TIMES.test(first);
 }
 
-/** Listen to new logs. @param {Store} store */
+/** Listen to new logs; tasks use each one. @param {Store} store */
 export function init(store) {
-  /** True if set-points were learned since the last log, so the next log is of the run with them. */
-  let learned = false;
   const update = () => (all.value = store.document?.logs ?? []);
   store.on("document", update);
   update();
-  store.on("result", (/** @type {any} */ { head: { task } }) => (learned ||= task === "learn"));
   store.on("log", (/** @type {string} */ name) => {
     const other = (/** @type {string} */ x) => x !== name;
     all.value = [...all.value.filter(other), name];
-    ticked.value = [...(learned ? ticked.value.filter(other) : []), name];
-    learned = false;
+    ticked.value = [...ticked.value.filter(other), name];
     store.setView({ tab: "tasks", dock: true });
     // Tasks on logs appear with the first log.
     requestAnimationFrame(() => find(".logs").scrollIntoView());
@@ -47,13 +43,13 @@ export function init(store) {
 /** The logs, and a button for another one. @param {{store: Store}} props */
 export function Logs({ store }) {
   const add = () => {
-    const picker = make("input", { type: "file", accept: ENDINGS, onchange: () => store.tell("open", { file: picker.files?.[0], log: true }) });
+    const picker = make("input", { type: "file", accept: ENDINGS, multiple: true, onchange: () => store.tell("add logs", [...(picker.files ?? [])]) });
     picker.click();
   };
   const tick = (/** @type {string} */ name, /** @type {boolean} */ on) => (ticked.value = [...ticked.value.filter((x) => x !== name), ...(on ? [name] : [])]);
   return html`<section class="task logs" aria-label="Logs of the robot">
-    <div class="task-head"><button type="button" onClick=${add}>Add a log</button>
-      <p class="quiet">A table of time and joint positions that your robot recorded, or a bag of ROS 2. Identify measures its servo with it, Learn corrects the next run; ticked logs are of successive runs.</p></div>
+    <div class="task-head"><button type="button" onClick=${add}>Add logs</button>
+      <p class="quiet">A table of time and joint positions that your robot recorded, or a bag of ROS 2. Identify measures its servo with all ticked logs. Learn corrects the next run: there, the ticked logs are of successive runs.</p></div>
     ${all.value.length > 0 && html`<div class="task-fields" role="group" aria-label="Logs that are used">
       ${all.value.map((name) => html`<label class="field" key=${name}><input type="checkbox" checked=${ticked.value.includes(name)} onChange=${(/** @type {any} */ e) => tick(name, e.target.checked)} /> ${name}</label>`)}
       <label class="field" title="Names of the columns, # is the number of a joint: u# are commands, q# are measured. Empty if the log names them as usual">columns <input type="text" size="16" placeholder="u#=command_#,q#=actual_#" onChange=${(/** @type {any} */ e) => (columns.value = e.target.value.trim())} /></label>

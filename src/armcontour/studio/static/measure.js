@@ -26,6 +26,8 @@ const DECIMALS = { mm: 2, in: 4 };
 /** Shorter lengths are 0 [m]. */
 const ZERO = 1e-9;
 const ASIDE = [14, -40]; // px
+/** Radii of the marks of a measured point: a dot in a ring, unlike any line of the drawing [px]. */
+const [DOT, RING] = [3, 8];
 
 export class Measure {
   /** @param {Store} store @param {Link} link */
@@ -82,7 +84,7 @@ export class Measure {
 
   /** Measure in a view. @param {Omit<View, "marks" | "label">} view @param {HTMLElement} host of its label @param {HTMLElement | SVGElement} ground on which one points */
   add(view, host, ground) {
-    const marks = { line: draw("path", { class: "measured-shape" }), hover: draw("path", { class: "measured-hover" }), way: draw("path", { class: "measured-way" }), dots: draw("path", { class: "measured-dots" }) };
+    const marks = { hover: draw("path", { class: "measured-hover" }), halo: draw("path", { class: "measured-halo" }), rings: draw("path", { class: "measured-rings" }), dots: draw("path", { class: "measured-dots" }) };
     const group = draw("g", { class: "measured", "aria-hidden": "true" });
     group.append(...Object.values(marks));
     view.overlay.append(group);
@@ -146,13 +148,13 @@ export class Measure {
     for (const view of views) {
       const { marks, label, see } = view;
       const isShown = isOn && view.isShown();
-      const lines = isShown ? clicked.map((shape) => pathOf(see(shape.points))) : [];
-      mark(marks.line, "d", lines.join(""));
-      mark(marks.hover, "d", isShown && this.hovered ? pathOf(see(this.hovered.points)) + dotsOf(see(this.hovered.kind === "point" ? this.hovered.points : [])) : "");
+      mark(marks.hover, "d", isShown && this.hovered ? pathOf(see(this.hovered.points)) + dotsOf(see(this.hovered.kind === "point" ? this.hovered.points : []), DOT) : "");
       const ends = found ? see(found.ends) : [];
-      mark(marks.way, "d", isShown && found ? pathOf(ends) : "");
-      const places = found ? ends : see(clicked.flatMap(({ kind, centre, points }) => (centre ? [centre] : kind === "point" ? points : [])));
-      mark(marks.dots, "d", isShown ? dotsOf(places) : "");
+      const places = !isShown ? [] : found ? ends : see(clicked.flatMap(marksOf));
+      const rings = dotsOf(places, RING);
+      mark(marks.halo, "d", rings);
+      mark(marks.rings, "d", rings);
+      mark(marks.dots, "d", dotsOf(places, DOT));
       const at = found ? plus(ends[0], minus(ends[1], ends[0]), 0.5) : clicked.length ? see([middleOf(clicked[0])])[0] : null;
       const { clientWidth: width, clientHeight: height } = /** @type {HTMLElement} */ (label.parentElement);
       const isInside = at !== null && at[0] >= 0 && at[1] >= 0 && at[0] <= width && at[1] <= height;
@@ -219,6 +221,8 @@ function snapPoints({ kind, points, centre }) {
 
 /** Return in words what was picked. @param {Shape} shape */
 const pickedName = ({ kind, of }) => of ?? kind;
+/** Return the points that mark a clicked shape: its centre, or else its ends. @param {Shape} shape @returns {Vector[]} */
+const marksOf = ({ kind, centre, points }) => (centre ? [centre] : kind === "point" ? points : [points[0], /** @type {Vector} */ (points.at(-1))]);
 
 /** @param {Shape} shape @returns {Vector} */
 const middleOf = ({ centre, points }) => centre ?? plus(points[0], minus(/** @type {Vector} */ (points.at(-1)), points[0]), 0.5);
@@ -262,8 +266,8 @@ function distanceTo(seen, x, y) {
 /** @param {number[][]} seen px @returns {string} */
 const pathOf = (seen) => (seen.length > 1 && seen.every(([x]) => Number.isFinite(x)) ? `M${seen.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}` : "");
 
-/** @param {number[][]} seen px @returns {string} */
-const dotsOf = (seen) => seen.filter(([x]) => Number.isFinite(x)).map(([x, y]) => `M${(x - 4).toFixed(1)} ${y.toFixed(1)}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0`).join("");
+/** @param {number[][]} seen px @param {number} radius px @returns {string} */
+const dotsOf = (seen, radius) => seen.filter(([x]) => Number.isFinite(x)).map(([x, y]) => `M${(x - radius).toFixed(1)} ${y.toFixed(1)}a${radius} ${radius} 0 1 0 ${2 * radius} 0a${radius} ${radius} 0 1 0 ${-2 * radius} 0`).join("");
 
 /** @param {Element} ground @param {PointerEvent} event @returns {[number, number]} px */
 function placeIn(ground, event) {

@@ -93,12 +93,13 @@ export function init(store, link) {
     const { run, runs } = store.document;
     const isPast = figures !== undefined && figures === pastOf(store)?.before;
     const isShown = name === run;
+    const valueOf = (/** @type {any} */ { key, values }) => (isPast ? pastOf(store)?.valuesBefore[key] : values[name]) ?? NONE;
     const shown = (/** @type {Known | undefined} */ of, /** @type {string} */ x) => of?.get(x) && shownRow(/** @type {any} */ (of.get(x)));
     const [kept, duration, off, rms, largest] = ["kept", "duration", "off_drawing", "contour_error.rms", "contour_error.max"].map((x) => shown(figures, x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, shown(known.get(run), x?.name)));
     const act = (/** @type {string} */ title, /** @type {() => void} */ does) => html`<button type="button" aria-label=${`${title} run ${name}`} onClick=${does}>${title}</button>`;
     return html`<tr key=${name} data-run=${name} aria-current=${isShown && "true"}>
-      <th scope="row">${name}</th>${keys.map((x) => html`<td class="words">${shownText(x.values[name] ?? (isPast ? "" : NONE))}</td>`)}
+      <th scope="row">${name}</th>${keys.map((x) => html`<td class="words">${shownText(valueOf(x))}</td>`)}
       ${verdict(name, kept)}
       ${[textOf(duration), delta(duration), textOf(off), textOf(rms), delta(rms), textOf(largest)].map((x) => html`<td>${x}</td>`)}
       <td class="acts">${!isShown && !isPast && act("Show", () => link.send({ op: "select", run: name }))}${runs.length > 1 && !isPast && act("Remove", () => link.edit([{ do: "unset", key: ["runs", name] }]))}</td>

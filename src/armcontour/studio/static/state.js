@@ -14,7 +14,7 @@
 //   link                    listener(link state)      see connection.js
 //   reset                   another job or drawing is opened; frames of a run, the arm and the model become null
 //   command                 a key such as Ctrl+Z or Ctrl+S follows, so gestures end
-//   open                    the user opens a file: listener({file, log})
+//   add logs                the user adds robot logs: listener(files)
 //   log                     a robot log is stored: listener(its name)
 //   advice                  listener(changes)         changes of the shown job that save time
 //   layout                  listener()                the size of a region may have changed

@@ -64,6 +64,12 @@ export class Timeline {
     onAction(() => this.hideTip());
     new ResizeObserver(() => this.draw()).observe(this.element);
     inches.subscribe(() => this.draw());
+    let rev = -1;
+    this.store.on("document", (/** @type {import("./state.js").Frame} */ frame) => {
+      // The tip tells of the motion before the edit.
+      if (frame.rev !== rev) this.hideTip();
+      rev = frame.rev;
+    });
   }
 
   /** Show the motion as it is now. @param {number} duration s; 0: there is none */

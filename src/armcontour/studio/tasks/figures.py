@@ -89,6 +89,7 @@ def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
         "rows": frame(data),
         "obstacle_t": obstacle and obstacle.t,
         "own_links_t": own and own.t,
+        "margins": _margins(result, obstacle, own),
         **time_header(result.explanation),
         "nearest": nearest_pair(result),
         "warnings": data.warnings,
@@ -109,6 +110,21 @@ def compare(request: Request) -> MessageFrame:
         except ArmContourError as error:
             rows.append({"run": name, "sentence": str(error)})
     return MessageFrame("result", {"runs": rows})
+
+
+def _margins(
+    result: RunResult, obstacle: PairClearance | None, own: PairClearance | None
+) -> dict[str, str]:
+    """Return the least allowed distance of each clearance of the figures; empty text without."""
+    from armcontour.core.render import number
+
+    least = None if result.clearance is None else result.clearance.least
+    pairs = {"obstacle": obstacle, "own_links": own, "clearance.low": least}
+    return {
+        name: number(pair.margin, "m") if pair.margin > 0 else ""
+        for name, pair in pairs.items()
+        if pair is not None
+    }
 
 
 def _nearest_to_obstacles(request: Request, result: RunResult) -> PairClearance | None:

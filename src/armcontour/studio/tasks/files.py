@@ -7,6 +7,7 @@ Options of tasks with logs: `logs`, names of the logs in the order of the runs, 
 from __future__ import annotations
 
 import pickle
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -324,7 +325,14 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
         ]
     except InvalidInput as error:
         # The message names the log without the folder of uploads.
-        raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
+        sentence = str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")
+        raise InvalidInput(_with_field_columns(sentence)) from None
+
+
+def _with_field_columns(sentence: str) -> str:
+    """Return a message about a log with the field *columns* of the page in place of its option."""
+    with_values = re.sub(r"--columns '([^']*)'", r"\1 in the field columns", sentence)
+    return with_values.replace("--columns", "the field columns")
 
 
 def shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
