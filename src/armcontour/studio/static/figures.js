@@ -85,7 +85,7 @@ function Figure({ name, row, seen, store, exact }) {
 function Margin({ name, store }) {
   const margin = headOf(store).margins?.[name];
   if (margin === undefined) return null;
-  return html`<span class="of">${margin ? ` of at least ${shownText(margin)}` : ", without a least distance"}</span>`;
+  return html`<span class="of margin">${margin ? ` of at least ${shownText(margin)}` : ", without a least distance"}</span>`;
 }
 
 /** Time per limit: a bar, and the largest ones in words. @param {{store: Store}} props */
