@@ -375,6 +375,7 @@ def test_all_corners_are_one_stop_of_the_tab_key(studio, folder):
         studio.page.keyboard.press("Shift+Tab")
         expect(handles.nth(1)).to_be_focused()
     studio.open(folder / "job.yaml")
+    studio.rest()
 
 
 def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):

@@ -233,6 +233,7 @@ def test_a_long_time_is_beside_the_curve(studio):
         assert box["x"] + box["width"] < curve["x"]
     with studio.changing():
         studio.find("#undo").click()
+    studio.rest()
 
 
 def test_the_tip_of_a_drag_goes_with_the_drag(studio):
