@@ -96,17 +96,20 @@ def test_no_verdict_stands_until_the_exact_result_has_come(page, folder):
     assert not [x for x in before if "kept" in x[0] or x[1] == kept]
 
 
+def show_run(studio, name):
+    """Show another run, and wait for its exact figures."""
+    studio.choose_run(name)
+    studio.wait("#view2d", run=name)
+    studio.rest()
+
+
 def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
     runs = "runs: {first: {}, second: {limits: {speed: 20 mm/s}}}"
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
     studio = shown(page, folder, text, "two_runs.yaml")
     studio.rest()
-    studio.choose_run("first")
-    studio.wait("#view2d", run="first")
-    studio.rest()
-    studio.choose_run("second")
-    studio.wait("#view2d", run="second")
-    studio.rest()
+    show_run(studio, "first")
+    show_run(studio, "second")
     duration = studio.find("[data-figure=duration]")
     before = duration.locator(".value").inner_text()
     # Nothing has changed in this run.
@@ -125,9 +128,7 @@ def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
 def test_another_timing_method_has_its_name_before_the_change_and_a_reason(page, folder):
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", "runs: {first: {}, second: {}}")
     studio = shown(page, folder, text, "methods.yaml")
-    studio.choose_run("first")
-    studio.wait("#view2d", run="first")
-    studio.rest()
+    show_run(studio, "first")
     shares = studio.find("#figures .shares")
     expect(shares.locator(".bar")).to_be_visible()
     studio.tab("process")
@@ -157,13 +158,9 @@ def test_figures_of_a_run_stay_until_an_edit_touches_it(page, folder):
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
     studio = shown(page, folder, text, "compared.yaml")
     studio.rest()
-    studio.choose_run("first")
-    studio.wait("#view2d", run="first")
-    studio.rest()
+    show_run(studio, "first")
     duration = float(studio.find("[data-figure=duration] .value").inner_text())
-    studio.choose_run("second")
-    studio.wait("#view2d", run="second")
-    studio.rest()
+    show_run(studio, "second")
     studio.tab("runs")
     rows = studio.find("#tab-runs tbody tr")
     other = rows.filter(has=studio.page.locator("th", has_text=re.compile("^first$")))
@@ -219,6 +216,18 @@ def test_results_of_a_job_that_has_changed_are_outdated(page, pages, folder):
         studio.find("#undo").click()
     for task in ("certify", "export"):
         studio.wait(f".task-result[data-task={task}]", outdated="false")
+
+
+def test_notices_do_not_take_the_place_of_lasting_messages(page, folder):
+    studio = shown(page, folder, JOB, "noticed.yaml")
+    studio.rest()
+    lasting = studio.find("#messages .message:not(.passing)")
+    count = lasting.count()
+    assert count >= 3
+    many = "m => { for (let k = 0; k < 9; k += 1) m.notify(`Notice ${k}`); }"
+    studio.page.evaluate(f"import('/static/messages.js').then({many})")
+    expect(studio.find("#messages .passing")).to_have_count(4)
+    expect(lasting).to_have_count(count)
 
 
 def test_the_plan_of_a_certificate_is_shown_and_exported_by_one_click(page, folder):
@@ -350,9 +359,7 @@ def test_compare_plans_the_runs_that_were_never_shown(page, folder):
     runs = "runs: {first: {}, second: {limits: {speed: 25 mm/s}}, third: {duration: 10 ms}}"
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", runs)
     studio = shown(page, folder, text, "never_shown.yaml")
-    studio.choose_run("first")
-    studio.wait("#view2d", run="first")
-    studio.rest()
+    show_run(studio, "first")
     studio.find("#bar [data-opens=runs]").click()
     second, third = (studio.find(f"#tab-runs tr[data-run={x}]") for x in ("second", "third"))
     expect(second).to_contain_text("kept")

@@ -245,11 +245,12 @@ class _Trials:
     def _finish(self) -> None:
         """Search on from the fit of the best model, and predict its parts again if it improves."""
         assert self.best is not None
-        creeping = self.best
-        finished = finish(creeping.fit)
-        if finished is not creeping.fit:
+        best = self.best
+        finished = finish(best.fit)
+        if finished is not best.fit:
             self.best = predict_parts(finished)
-            self.tried = [x for x in self.tried if x is not creeping]
+            # The unfinished fit is no rival of the finished one.
+            self.tried = [x for x in self.tried if x is not best]
 
     def _drop(self, name: str) -> None:
         """Remove a parameter unless the best model is significantly worse without it."""

@@ -36,8 +36,8 @@ export class Timeline {
     this.scale = new TimeScale();
     /** @type {Drag | null} */
     this.drag = null;
-    /** Time of which the tip tells until another time is shown; -1 without one [s]. */
-    this.told = -1;
+    /** Time that the tip is about, until another time is shown; -1 without one [s]. */
+    this.tipTime = -1;
     this.canvas = make("canvas", { role: "img", "aria-label": "Tool speed over time, and the limits that determine it" });
     this.line = make("div", { class: "now" });
     this.range = make("div", { class: "range", hidden: true });
@@ -66,7 +66,7 @@ export class Timeline {
     inches.subscribe(() => this.draw());
     let rev = -1;
     this.store.on("document", (/** @type {import("./state.js").Frame} */ frame) => {
-      // The tip tells of the motion before the edit.
+      // The tip is about the motion before the edit.
       if (frame.rev !== rev) this.hideTip();
       rev = frame.rev;
     });
@@ -95,18 +95,18 @@ export class Timeline {
     if (!this.drag && this.scale.follow(this.store.time)) this.draw();
     this.placeLine();
     this.tell();
-    if (this.told >= 0 && this.told !== this.store.time) this.hideTip();
+    if (this.tipTime >= 0 && this.tipTime !== this.store.time) this.hideTip();
   }
 
   /** Tell of the shown time: speed, contour and limit. */
   tellPlace() {
     this.showTip(this.scale.xOf(this.store.time));
-    this.told = this.store.time;
+    this.tipTime = this.store.time;
   }
 
   hideTip() {
     this.tip.hidden = true;
-    this.told = -1;
+    this.tipTime = -1;
   }
 
   placeLine() {
