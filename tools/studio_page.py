@@ -295,7 +295,8 @@ class Studio:
         return self.find(f"g.handle.{kind}[data-index='{index}']")
 
     def middle(self, element: Locator) -> tuple[float, float]:
-        """Return the centre of an element [px]."""
+        """Return the centre of an element that has stopped moving [px]."""
+        element.element_handle().wait_for_element_state("stable")
         box = element.bounding_box()
         assert box is not None
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2

@@ -378,6 +378,18 @@ def test_all_corners_are_one_stop_of_the_tab_key(studio, folder):
     studio.rest()
 
 
+def test_no_contour_of_another_job_is_selected(studio, folder):
+    studio.find("ol.contours button").first.click()
+    expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
+    (folder / "other.yaml").write_text(JOB)
+    studio.open(folder / "other.yaml")
+    studio.rest()
+    expect(studio.find("ol.contours li")).to_have_count(4)
+    expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(0)
+    studio.open(folder / "job.yaml")
+    studio.rest()
+
+
 def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):
     studio.find("ol.contours button").first.click()
     section = studio.find("section[aria-label='Selected contour']")

@@ -173,7 +173,7 @@ export class Store {
   /** Forget everything, because another job or drawing is opened. */
   reset() {
     for (const kind of [...OF_A_RUN, "arm", "model", "segments"]) this.frames.delete(kind);
-    this.options = { ...this.options, obstacle: -1 };
+    this.setView({ obstacle: -1, contour: -1 });
     this.setTime(0);
     this.setRefusal(null);
     for (const event of [...OF_A_RUN, "arm", "model", "reset"]) this.tell(event, null);
