@@ -43,7 +43,9 @@ def studio(page):
 
 def part_of(studio):
     """First and last shown time [s]."""
-    return float(studio.told(TRACK, "begin")), float(studio.told(TRACK, "end"))
+    # Both are read at once, because the part moves while the motion is played.
+    part = studio.find(TRACK).evaluate("e => [e.dataset.begin, e.dataset.end]")
+    return float(part[0]), float(part[1])
 
 
 def time_of(studio):

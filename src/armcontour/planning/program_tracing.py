@@ -19,7 +19,7 @@ from armcontour.core.render import number
 from armcontour.geometry import Path, ShapedPath
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import cut_path
-from armcontour.motion import JointPath
+from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal_timing import Optimal, plan_optimal
 from armcontour.planning.still_rapids import (
@@ -63,12 +63,14 @@ PART_SEGMENTS = 200
 PART_EVERY = 2500
 # Largest number of such parts.
 MAX_COMPARED_PARTS = 40
-# Configurations that are slower than the fastest one on the parts by at most this fraction are
-# traced along the whole path, because durations of parts are accurate to a few thousandths only.
+# Part of the length at each end of a part that is not compared, because the motion there starts and
+# ends at rest, and does not on the whole path
+UNCOMPARED_ENDS = 0.25
+# Configurations whose durations on the parts differ by less than this fraction are equally fast;
+# durations of whole paths were found to differ by the same fraction within about 5e-4.
+SAME_ON_PARTS = 5e-4
+# Durations of whole parts, with their ends, that differ by more than this fraction decide.
 MAX_SLOWER = 0.01
-# Configurations whose durations on the parts differ by less than this fraction differ by a turn of
-# the wrist only, and are equally fast on the whole path.
-SAME_ON_PARTS = 1e-4
 # A configuration is not planned if this fraction of its lower bound of the duration exceeds the
 # duration of a plan. The fraction is below 1 because the bound evaluates limits at points only.
 BOUND_SHARE = 0.998
@@ -778,53 +780,28 @@ def find_starts(path: Path, arm: SerialArm) -> list[FloatArray]:
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
-    """Trace a long path in the fastest configuration; None if none is found."""
-    # Plans of parts of the path select the configurations. The selected configurations are compared
-    # by lower bounds of the whole path, multiplied by the ratio of plan and bound on the parts.
-    rough = limits.without_jerk
+    """Trace a long path in the configuration that is fastest on parts of it; None if none is found.
+
+    The others are only tried if this one does not complete the path.
+    """
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
         # `trace_all` raises the error.
         return None
-    bounds, durations = _compare_on_parts(path, arm, limits, s, solutions)
-    fast = durations <= (1 + MAX_SLOWER) * durations.min()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = durations / bounds
-    slow = np.flatnonzero(~fast)
-    best = None
-    shortest = np.inf
-    # Durations, on the parts, of the solutions that are traced completely [s]
-    traced = list[float]()
-    # The shortest joint paths come first; slow ones are traced only if all others fail.
-    for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
-        if traced and not fast[k]:
-            break
-        if any((1 - SAME_ON_PARTS) * x < durations[k] < (1 + SAME_ON_PARTS) * x for x in traced):
-            continue
-        try:
-            joint_path = trace(path, arm, limits=limits, seed=solutions[k][0])
-        except ArmContourError:
-            continue
-        traced.append(float(durations[k]))
-        duration = bound_duration(joint_path, rough) * ratio[k]
-        if best is None or duration < shortest:
-            best = joint_path
-            shortest = duration
-    return best
+    for k in _order_on_parts(path, arm, limits, s, solutions):
+        with suppress(ArmContourError):
+            return trace(path, arm, limits=limits, seed=solutions[k][0])
+    return None
 
 
-def _compare_on_parts(
+def _order_on_parts(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the sums of lower bounds and durations over parts of a long path [s].
+) -> list[int]:
+    """Return the indices of the solutions, the fastest one on parts of a long path first.
 
-    Both have one value per solution, (solutions,).
-
-    A configuration without a plan has its bound as its duration. A configuration that does not
-    complete the parts has an infinite duration.
-
-    `solutions` are the joint positions at the arc lengths `s` [m] in each configuration, (n, dof).
+    `solutions` are the joint positions at the arc lengths `s` [m] in each configuration, (n, dof),
+    the shortest joint path first. The first one of equally fast configurations is used.
     """
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MAX_COMPARED_PARTS)
@@ -832,26 +809,34 @@ def _compare_on_parts(
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)
     cuts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
+    # Lower bounds and durations of the parts with their ends, and durations without their ends [s]
     bounds = np.full(len(solutions), np.inf)
+    whole = np.full(len(solutions), np.inf)
+    inner = np.full(len(solutions), np.inf)
     traced = list[list[JointPath]]()
     for k, q in enumerate(solutions):
-        try:
-            joint_paths = [
-                trace(part, arm, limits=limits, seed=q[i])
-                for part, i in zip(cuts, first, strict=True)
-            ]
+        joint_paths = list[JointPath]()
+        with suppress(ArmContourError):
+            for part, i in zip(cuts, first, strict=True):
+                joint_paths.append(trace(part, arm, limits=limits, seed=q[i]))
             bounds[k] = sum(bound_duration(x, rough) for x in joint_paths)
-        except ArmContourError:
-            joint_paths = []
         traced.append(joint_paths)
-    durations = bounds.copy()
-    shortest = np.inf
-    for k in np.argsort(bounds, kind="stable"):
-        if BOUND_SHARE * bounds[k] > (1 + MAX_SLOWER) * shortest:
+    order = np.argsort(bounds, kind="stable")
+    for k in order:
+        is_slower = BOUND_SHARE * bounds[k] > (1 + MAX_SLOWER) * whole.min()
+        if is_slower or np.isinf(bounds[k]):
             break
-        try:
-            durations[k] = sum(plan_optimal(x, arm, rough, COARSE_PLAN).duration for x in traced[k])
-        except ArmContourError:
-            durations[k] = np.inf
-        shortest = min(shortest, float(durations[k]))
-    return bounds, durations
+        with suppress(ArmContourError):
+            plans = [plan_optimal(x, arm, rough, COARSE_PLAN) for x in traced[k]]
+            whole[k] = sum(x.duration for x in plans)
+            inner[k] = sum(_duration_of_middle(x) for x in plans)
+    as_fast = np.flatnonzero(inner <= (1 + SAME_ON_PARTS) * inner.min())
+    slower = order[np.argsort(inner[order], kind="stable")]
+    return [*as_fast.tolist(), *(k for k in slower.tolist() if k not in as_fast)]
+
+
+def _duration_of_middle(part: Trajectory) -> float:
+    """Return the duration of the plan of a part without the ends of the part [s]."""
+    length = float(part.s(part.duration))
+    begin, end = part.time_at(length * np.array([UNCOMPARED_ENDS, 1.0 - UNCOMPARED_ENDS]))
+    return float(end - begin)
