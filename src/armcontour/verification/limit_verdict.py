@@ -8,7 +8,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.render import Result, number
 from armcontour.core.result import Data, Row
@@ -436,35 +436,29 @@ def has_checkable_jerk(law: TimeLaw, limits: Limits, start: FloatArray) -> bool:
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Return the largest ratio of each specified limit that can be evaluated, by its name."""
     breaks = trajectory.smooth_breaks
+    intervals = np.stack([breaks[:-1], breaks[1:]])
     if all(x.kind == "contour" for x in trajectory.spans):
-        return _largest_ratios(trajectory, arm, limits, breaks)
+        return _largest_ratios(trajectory, arm, limits, intervals)
     # Limits of the tool apply along contours, limits of the joints in every move.
-    middles = (breaks[:-1] + breaks[1:]) / 2
-    span = np.searchsorted([x.t[1] for x in trajectory.spans], middles)
+    span = np.searchsorted([x.t[1] for x in trajectory.spans], intervals.mean(axis=0))
     on_contour = np.array([x.kind == "contour" for x in trajectory.spans])[span]
-    return {
-        **_largest_ratios(trajectory, arm, limits.of_joints, breaks),
-        **_largest_ratios(trajectory, arm, limits.of_tool, breaks, on_contour),
-    }
+    ratios = _largest_ratios(trajectory, arm, limits, intervals[:, on_contour])
+    elsewhere = _largest_ratios(trajectory, arm, limits.of_joints, intervals[:, ~on_contour])
+    for name, ratio in elsewhere.items():
+        ratios[name] = max(ratios.get(name, ratio), ratio)
+    return ratios
 
 
 def _largest_ratios(
-    motion: Trajectory,
-    arm: Arm,
-    limits: Limits,
-    breaks: FloatArray,
-    chosen: BoolArray | None = None,
+    motion: Trajectory, arm: Arm, limits: Limits, intervals: FloatArray
 ) -> dict[str, float]:
-    """Return the largest ratio of each limit in a motion, by name of the limit.
+    """Return the largest ratio of each limit in some intervals of a motion, by name of the limit.
 
-    - `breaks`: times between which the motion is smooth [s], (n + 1,).
-    - `chosen`: mask of the intervals between breaks that count, (n,); by default all.
+    - `intervals`: start and end times between which the motion is smooth [s], (2, n).
     """
-    begins = breaks[:-1]
-    ends = breaks[1:]
-    if chosen is not None:
-        begins = begins[chosen]
-        ends = ends[chosen]
+    begins, ends = intervals
+    if not len(begins):
+        return {}
     jerk = has_checkable_jerk(motion, limits, motion.starts[:1])
     # Number of times per interval with which the motion has FEWEST_TIMES and ENOUGH times.
     few, enough = (-(-x // len(begins)) for x in (FEWEST_TIMES, ENOUGH))
