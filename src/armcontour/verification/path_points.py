@@ -9,7 +9,6 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import compiled
-from armcontour.core.sampled_data import number_parts
 from armcontour.geometry.kernels import Foot, Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal, because coordinates are not more accurate [m].
@@ -40,16 +39,6 @@ class PathIntervals(NamedTuple):
 
     ends: FloatArray  # First and last arc lengths [m], (MAX_STRETCHES + 1, 2)
     first: IntArray  # Segments on which the intervals begin, (MAX_STRETCHES + 1,)
-
-
-class PathParts(NamedTuple):
-    """Parts of a path between the path points of successive tool points, m parts."""
-
-    # Step (index of the tool point before the part), segment, and 1 if the part is the last of its
-    # step.
-    indices: IntArray  # (m, 3)
-    ends: FloatArray  # First and last arc length of each part [m], (m, 2)
-    bounds: FloatArray  # Bounds on the distance from each part to the tool [m], (m,)
 
 
 class _Reach(NamedTuple):
@@ -339,67 +328,88 @@ def _tool_distances(
     return a, b, bound
 
 
-@compiled()
-def _measure_parts(
+@compiled(inner=True)
+def _measure_part(
     motion: FollowedTool,
-    rows: FloatArray,
-    order: IntArray,
-    parts: PathParts,
+    segment: FloatArray,
+    i: int,
+    ends: tuple[float, float],
+    next_point: int,
+    worst: float,
+    halves: FloatArray,
     distances: FloatArray,
     distance_s: FloatArray,
-) -> None:
-    """Measure the largest distance from parts of the path to the tool, and store it per step.
+) -> float:
+    """Measure the distances from a part of the path to the tool; return the largest of all [m].
 
-    A part is measured at its ends, and halved while its bound exceeds the largest distance so far.
-    Updates `distances` [m], -1 if not measured, and their arc lengths `distance_s`, (n,) each. The
-    largest distance found is at most DISTANCE_ACCURACY below the largest distance of all parts.
+    The part is measured at its ends, and halved while its bound exceeds the largest distance so
+    far. The largest distance found is at most DISTANCE_ACCURACY below the largest distance of the
+    part.
+
+    - `segment`: row of `pack_segments`.
+    - `i`: index of the tool point before the part.
+    - `ends`: first and last arc length of the part [m].
+    - `next_point`: index of the tool point to which the end of the part belongs.
+    - `worst`: largest distance so far [m].
+    - `halves`: memory for subintervals, (MAX_SUBINTERVALS, 2).
+    - `distances`, `distance_s`: output, see `measure_coverage`.
     """
-    n = len(motion.points)
-    halves = np.empty((MAX_SUBINTERVALS, 2))
-    worst = -1.0
-    for m in order:
-        if parts.bounds[m] <= worst + DISTANCE_ACCURACY:
-            continue
-        i = parts.indices[m, 0]
-        g = rows[parts.indices[m, 1]]
-        first, last = parts.ends[m, 0], parts.ends[m, 1]
-        chord = min(i, n - 2)
-        size = last - first
-        p = point_at(g, first - g[11])
-        q = point_at(g, last - g[11])
-        # Range of chords to search: the distances from this chord alone bound it.
-        a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
-        reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
-        # Depth-first search by halving
-        count = 1
-        halves[0, 0] = first
-        halves[0, 1] = last
-        while count:
-            count -= 1
-            first_s = halves[count, 0]
-            last_s = halves[count, 1]
-            p = point_at(g, first_s - g[11])
-            q = point_at(g, last_s - g[11])
-            a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
-            # The end of the last part of a step is the path point of the next tool point.
-            end_point = i + 1 if parts.indices[m, 2] and last_s == last and i < n - 1 else i
-            for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
-                if d > distances[point]:
-                    distances[point] = d
-                    distance_s[point] = arc_length
-            worst = max(worst, a, b)
-            # The distance from the tool changes by at most the change of arc length.
-            apart = last_s - first_s
-            bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
-            middle = first_s + apart / 2
-            if bound > worst + DISTANCE_ACCURACY and first_s < middle < last_s:
-                halves[count, 0] = middle
-                halves[count, 1] = last_s
-                halves[count + 1, 0] = first_s
-                halves[count + 1, 1] = middle
-                count += 2
+    first, last = ends
+    chord = min(i, len(motion.points) - 2)
+    size = last - first
+    p = point_at(segment, first - segment[11])
+    q = point_at(segment, last - segment[11])
+    # Range of chords to search: the distances from this chord alone bound it.
+    a, b, _ = _tool_distances(p, q, motion, chord, -math.inf, -1.0)
+    reach = 2 * (max(a, b) + min(segment[9] * size**2 / 8, size / 2))
+    # Depth-first search by halving
+    count = 1
+    halves[0, 0] = first
+    halves[0, 1] = last
+    while count:
+        count -= 1
+        first_s = halves[count, 0]
+        last_s = halves[count, 1]
+        p = point_at(segment, first_s - segment[11])
+        q = point_at(segment, last_s - segment[11])
+        a, b, bound = _tool_distances(p, q, motion, chord, last, reach)
+        end_point = next_point if last_s == last else i
+        for d, arc_length, point in ((a, first_s, i), (b, last_s, end_point)):
+            if d > distances[point]:
+                distances[point] = d
+                distance_s[point] = arc_length
+        worst = max(worst, a, b)
+        # The distance from the tool changes by at most the change of arc length.
+        apart = last_s - first_s
+        bound = min(bound + segment[9] * apart**2 / 8, (a + b + apart) / 2)
+        middle = first_s + apart / 2
+        if bound > worst + DISTANCE_ACCURACY and first_s < middle < last_s:
+            halves[count, 0] = middle
+            halves[count, 1] = last_s
+            halves[count + 1, 0] = first_s
+            halves[count + 1, 1] = middle
+            count += 2
+    return worst
 
 
+@compiled(inner=True)
+def _segment_of(rows: FloatArray, s: float) -> int:
+    """Return the first segment of `pack_segments` that ends after an arc length [m], or the last.
+
+    - `rows`: segments from `pack_segments`, (segments, 15).
+    """
+    low = 0
+    high = len(rows) - 1
+    while low < high:
+        middle = (low + high) // 2
+        if rows[middle, 11] + rows[middle, 10] <= s:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled()
 def measure_coverage(
     motion: FollowedTool, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -414,29 +424,43 @@ def measure_coverage(
     - `rows`: segments from `pack_segments`, (segments, 15).
     - `begin`, `end`: arc lengths between which the path is measured [m].
     """
-    reached = np.maximum.accumulate(motion.s)
-    low = np.append(begin, np.maximum(reached[1:], begin))
-    high = np.append(np.minimum(np.maximum(reached[:-1], motion.s[1:]), end), end)
-    starts = rows[:, 11]
-    ends = rows[:, 11] + rows[:, 10]
-    segment = np.minimum(np.searchsorted(ends, low, side="right"), len(rows) - 1)
-    count = np.maximum(np.searchsorted(starts, high, side="left") - segment, 1)
-    count[(low > high) | ((low == high) & (np.arange(len(low)) > 0))] = 0
-    step, number = number_parts(count)
-    k = segment[step] + number
-    first = np.maximum(low[step], starts[k])
-    last = np.minimum(high[step], ends[k])
-    # Between two path points, the distance exceeds the distances at both by at most the sagitta.
-    sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
-    after = np.minimum(step + 1, len(low) - 1)
-    between_points = (after > step) & (first == motion.s[step]) & (last == motion.s[after])
-    end_distance = np.maximum(motion.distance[step], motion.distance[after])
-    bounds = np.where(between_points, sag + end_distance, np.inf)
-    worst = np.flatnonzero(step == np.argmax(motion.distance))
-    order = np.concatenate([worst, np.arange(len(step))])
-    indices = np.stack([step, k, last == high[step]], axis=1)
-    parts = PathParts(indices, np.stack([first, last], axis=1), bounds)
-    distances = np.full(len(low), -1.0)
-    distance_s = np.zeros(len(low))
-    _measure_parts(motion, rows, order, parts, distances, distance_s)
+    n = len(motion.points)
+    distances = np.full(n, -1.0)
+    distance_s = np.zeros(n)
+    halves = np.empty((MAX_SUBINTERVALS, 2))
+    reached = np.empty(n)
+    farthest = 0
+    for i in range(n):
+        reached[i] = max(reached[i - 1], motion.s[i]) if i > 0 else motion.s[i]
+        if motion.distance[i] > motion.distance[farthest]:
+            farthest = i
+    worst = -1.0
+    for turn in range(n + 1):
+        i = turn - 1 if turn > 0 else farthest
+        # Path interval of the step
+        low = max(reached[i], begin) if i > 0 else begin
+        high = min(reached[i + 1], end) if i < n - 1 else end
+        if low > high or (low == high and i > 0):
+            continue
+        # Its parts on successive segments
+        k = _segment_of(rows, low)
+        while True:
+            first = max(low, rows[k, 11])
+            last = min(high, rows[k, 11] + rows[k, 10])
+            bound = math.inf
+            if i < n - 1 and first == motion.s[i] and last == motion.s[i + 1]:
+                # Between two path points, the distance exceeds the distances at both by at most the
+                # sagitta.
+                sag = min(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
+                bound = sag + max(motion.distance[i], motion.distance[i + 1])
+            if bound > worst + DISTANCE_ACCURACY:
+                # The end of the last part of a step is the path point of the next tool point.
+                next_point = i + 1 if last == high and i < n - 1 else i
+                part = first, last
+                worst = _measure_part(
+                    motion, rows[k], i, part, next_point, worst, halves, distances, distance_s
+                )
+            k += 1
+            if k == len(rows) or rows[k, 11] >= high:
+                break
     return distances, distance_s
