@@ -16,7 +16,7 @@ from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.orientation import turns_between
-from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
+from armcontour.geometry.projection import distances_in_order, pack_segments, pad_to_space
 
 # A value between samples is a peak only if it exceeds the highest sample by more than this fraction
 # of the sample plus ERROR_ROUNDING.
@@ -173,9 +173,9 @@ class ErrorProfile(Result, Frozen):
         if peak is not None:
             # A single peak would have too large a weight in the mean.
             k = int(np.searchsorted(t, peak.t))
-            t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
+            t, values, s = (_insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
             if side is not None:
-                side = np.insert(side, k, side[max(k - 1, 0)])
+                side = _insert(side, k, side[max(k - 1, 0)])
         worst = int(np.argmax(values))
         return cls(
             t=t,
@@ -220,10 +220,16 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
 def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
     """Cut columns at a time: return the times before `end` with `end`, and the columns at them.
 
-    - `t`, `columns`: times [s] and values at them, (n,) each; constant after the last time.
+    - `t`, `columns`: increasing times [s] and values at them, (n,) each; constant after the last.
     """
-    before = t < end
-    return np.append(t[before], end), [np.append(x[before], np.interp(end, t, x)) for x in columns]
+    count = int(t.searchsorted(end))
+    cut = [np.concatenate([x[:count], [np.interp(end, t, x)]]) for x in columns]
+    return np.concatenate([t[:count], [end]]), cut
+
+
+def _insert(values: FloatArray, k: int, value: float) -> FloatArray:
+    """Insert a value before index k; for few values faster than `np.insert`."""
+    return np.concatenate([values[:k], [value], values[k:]])
 
 
 class Peak(NamedTuple):
@@ -499,7 +505,7 @@ def follow_path(
     padded = pad_to_space(points)
     geometry = pack_segments(path.segments)
     thinned = points[: last : max(1, last // LEASH_POINTS)]
-    deviation = float(find_nearest(path.segments, thinned, in_order=True).distance.max())
+    deviation = float(distances_in_order(path.segments, geometry, thinned).max())
     # Shortest leash with which all points may be followed.
     leash = LEASH_FACTOR * max(
         deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST_LENGTH
