@@ -70,8 +70,8 @@ INNER = {
     *("SegmentLimits.columns", "Execution.between", "Orientation.cut", "Orientation.even"),
     *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.discretize"),
     *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
-    *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
-    "Uncertainty.half_widths",
+    *("ServoModel.saturate", "motion_between", "smooth_steps", "on_interval", "on_piece"),
+    *("on_segment", "Uncertainty.half_widths"),
     *("rates_on_piece", "run", "times"),
     # `plan`, `compensate` and jobs call the methods of options.
     *("at_cycle", "check_jerk", "for_program", "reshape", "time", "without_duration"),

@@ -263,7 +263,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     """Yield the execution with the servo model, or the plan if it was not simulated."""
     evaluation = result.evaluation
     if evaluation is None and result.trajectory.arm is not None:
-        yield from tool_speeds(result.motion).rows
+        yield from tool_speeds(result.motion, result.motion.tool_speed).rows
     if evaluation is not None:
         for row in [*evaluation.to_data().rows, *_angular_rows(result.motion)]:
             if row.name == "limit_ratios":

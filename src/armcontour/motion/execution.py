@@ -46,6 +46,9 @@ class MotionSource(Protocol):
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
         """Return the motion of `executed` from samples `indices` to the next; None if unknown."""
 
+    def smooth_steps(self, executed: Execution) -> BoolArray:
+        """Return whether `motion_between` is a quintic from each sample to the next, (n - 1,)."""
+
 
 @declared(eq=False)
 class Execution(Checked):
@@ -132,7 +135,7 @@ class Execution(Checked):
         Args:
             indices: Indices of the samples at which the motion starts, increasing, (m,).
         """
-        if self.plant is None or not self._are_steps(indices):
+        if self.plant is None or not self._are_steps(indices).all():
             return None
         motion = self.plant.motion_between(self, indices)
         if motion is None:
@@ -140,19 +143,32 @@ class Execution(Checked):
         deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
         return motion if deviation.max(initial=0.0) < SAME_END_POSITION else None
 
-    def _are_steps(self, indices: IntArray) -> bool:
-        """Return whether samples are one step apart and the cycle is a whole number of steps."""
+    def smooth_steps(self) -> BoolArray:
+        """Return the samples from which `between` is the quintic to the next one, as a mask.
+
+        The quintic has the positions, velocities and accelerations of both samples. The mask has
+        the shape (n - 1,) for n samples.
+        """
+        steps = self._are_steps(np.arange(len(self.t) - 1))
+        if self.plant is None or not steps.any():
+            return np.zeros(len(steps), dtype=np.bool_)
+        return steps & self.plant.smooth_steps(self)
+
+    def _are_steps(self, indices: IntArray) -> BoolArray:
+        """Return whether samples are one step before the next, (m,).
+
+        The cycle must be a whole number of steps.
+        """
         step = float(self.t[1] - self.t[0])
-        if not 0 < step < self.set_points.cycle * (1 + WHOLE_STEPS):
-            return False
-        steps = self.set_points.cycle / step
+        cycle = self.set_points.cycle
+        if not 0 < step < cycle * (1 + WHOLE_STEPS):
+            return np.zeros(len(indices), dtype=np.bool_)
+        steps = cycle / step
         numbers = (self.t[np.stack([indices, indices + 1])] - self.set_points.start_time) / step
         whole = numbers.round()
-        return bool(
-            abs(steps - round(steps)) < WHOLE_STEPS
-            and (abs(numbers - whole) < WHOLE_STEPS).all()
-            and (whole[1] - whole[0] == 1).all()
-        )
+        at_steps = (abs(numbers - whole) < WHOLE_STEPS).all(axis=0)
+        is_whole = abs(steps - round(steps)) < WHOLE_STEPS
+        return np.asarray(at_steps & (whole[1] - whole[0] == 1) & is_whole)
 
     @property
     def peak_demand(self) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, Immutable, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, Immutable, IntArray
 from armcontour.core.errors import ArmMismatch, ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
@@ -66,6 +66,17 @@ class Plant(ABC):
             The motion; None if the plant does not support it (default).
         """
         return None
+
+    def smooth_steps(self, executed: Execution) -> BoolArray:
+        """Return whether `motion_between` is a quintic from each result to the next, (n - 1,).
+
+        The quintic has the positions, velocities and accelerations of both results. A plant need
+        not know this (default): then `motion_between` is called for each interval.
+
+        Args:
+            executed: The execution, with all n results.
+        """
+        return np.zeros(len(executed.t) - 1, dtype=np.bool_)
 
     def __repr__(self) -> str:
         """Write the class, and the arm if the plant has one."""
@@ -328,11 +339,9 @@ class ServoPlant(LimitedPlant):
         """
         motion = executed
         set_points = executed.set_points
-        # Results per cycle, and the time between results.
-        steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
-        width = set_points.cycle / steps
+        steps, width = _steps_of(executed)
         demand = np.stack([motion.demand[indices], motion.demand[indices + 1]])
-        if self._smooth_between(demand, width):
+        if self._is_smooth(width) and self._are_within(demand).all():
             return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, indices)
         parts = []
         bounds = (self.lower, self.acceleration)
@@ -352,11 +361,24 @@ class ServoPlant(LimitedPlant):
             after=np.concatenate([x.after for x in parts]),
         )
 
-    def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """Return whether the motion has no kink between results, and quintics are exact enough.
+    def smooth_steps(self, executed: Execution) -> BoolArray:
+        """Return whether `motion_between` is a quintic from each result to the next, (n - 1,).
 
-        - `demand`: demand at the starts and ends of the intervals [rad/s²], (2, m, dof).
-        - `width`: time between results [s].
+        Args:
+            executed: The execution, at uniform times, with all n results.
+        """
+        within = self._are_within(executed.demand).all(axis=1)
+        _, width = _steps_of(executed)
+        return np.asarray(within[:-1] & within[1:] & self._is_smooth(width))
+
+    def _are_within(self, demand: FloatArray) -> BoolArray:
+        """Return which demands [rad/s²], (..., dof), do not saturate a joint, of the same shape."""
+        return np.asarray((self.lower < demand) & (demand < self.acceleration))
+
+    def _is_smooth(self, width: float) -> bool:
+        """Return whether unsaturated motion has no kink between results `width` apart [s].
+
+        Quintics must also be exact enough.
         """
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
@@ -367,8 +389,6 @@ class ServoPlant(LimitedPlant):
             or servo.drive_cycle
             or servo.ki.any()
         ):
-            return False
-        if not ((self.lower < demand) & (demand < self.acceleration)).all():
             return False
         delay = servo.dead_time / width
         slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH_TIME_CONSTANTS
@@ -400,6 +420,13 @@ class ServoPlant(LimitedPlant):
             q, dq = motions[-1].states[:, -1, :2].T.copy()
             count += chunk
         return motions, None
+
+
+def _steps_of(executed: Execution) -> tuple[int, float]:
+    """Return the results per cycle of an execution, and the time between two results [s]."""
+    cycle = executed.set_points.cycle
+    steps = round(cycle / float(executed.t[1] - executed.t[0]))
+    return steps, cycle / steps
 
 
 def _resolve_saturation(requested: str | None, servo: ServoModel, limits: Limits) -> str:

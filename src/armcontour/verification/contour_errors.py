@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import BoolArray, FloatArray, IntArray, kernel_array
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import number_parts
 from armcontour.geometry import Path
@@ -35,12 +35,15 @@ from armcontour.verification.error_profile import (
     orientation_angles,
     search_measured,
 )
+from armcontour.verification.tool_between import ToolBetween
 
 if TYPE_CHECKING:
     from armcontour.verification.peak_search import ToolPath
 
 # Errors [m or rad] and arc lengths [m] at n times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
+# Number of times for which a plan is evaluated at once, which limits the memory.
+TIMES_AT_ONCE = 20_000
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
 # Signature of `ContourExecution._maximize_nearby`: indices of samples, (m,), and a function of tool
@@ -53,6 +56,7 @@ class ContourExecution:
     """The part of an execution on one contour (the piece), with its errors."""
 
     executed: Execution
+    between: ToolBetween  # The tool motion between the samples of the execution
     path: Path  # Path that the tool should follow
     objective: Path | None  # Path before rounding; None if unknown
     samples: slice  # Indices of the samples of the piece
@@ -147,12 +151,12 @@ class ContourExecution:
         """Return tool speed / assigned velocity, (n,); arguments as of `measure_speed_ratios`."""
         return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
-    def tracking_error(self) -> ErrorProfile:
-        """Return the profile of the distance to the planned position at the same time [m]."""
-        trajectory = self.executed.set_points.trajectory
-        planned = trajectory(np.clip(self.t, 0.0, trajectory.duration))
-        distance = length(self.tool - self.executed.arm.tool_position(planned))
-        return self._over_time(distance, self.followed.s)
+    def tracking_error(self, planned: FloatArray) -> ErrorProfile:
+        """Return the profile of the distance to the planned position at the same time [m].
+
+        - `planned`: planned tool positions at the samples [m], (n, dimension).
+        """
+        return self._over_time(length(self.tool - planned), self.followed.s)
 
     @property
     def model_error(self) -> tuple[float, float] | None:
@@ -254,7 +258,7 @@ class ContourExecution:
         best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
         # The intervals before and after each sample.
         i = np.clip(indices + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
-        fine = self.executed.between(np.unique(i) + self.samples.start)
+        fine = self.between.joints(np.unique(i) + self.samples.start)
         if fine is None:
             return best
 
@@ -358,14 +362,15 @@ class ContourExecution:
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
         square = float(dot(self.tool[k] - point, self.tool[k] - point))
         # The intervals before and after the sample.
-        before = np.unique(np.clip([k - 1, k], 0, len(self.t) - 2))
-        motion = self._tool_motion(before + self.samples.start)
+        before = max(k - 1, 0)
+        after = min(k, len(self.t) - 2)
+        motion = self.between.path(before + self.samples.start, after + self.samples.start)
         if motion is not None:
             from armcontour.verification.peak_search import nearest_between
 
             position = pad_to_space(point[None])[0]
-            begins = self.t[before]
-            ends = self.t[before + 1]
+            begins = self.t[before : after + 1].copy()
+            ends = self.t[before + 1 : after + 2].copy()
             square = min(square, nearest_between(motion, position, begins, ends))
         return float(np.sqrt(square)), float(self.t[k])
 
@@ -431,7 +436,7 @@ class ContourExecution:
         """Return q at times between samples i and i + 1 [rad], (n, dof); None if unknown."""
         index = self.samples.start + i
         inside = 0 <= index < len(self.executed.t) - 1
-        fine = self.executed.between(np.array([index])) if inside else None
+        fine = self.between.joints(np.array([index])) if inside else None
         return None if fine is None else fine(t)
 
     def _tool_path(self, i: int) -> ToolPath | None:
@@ -439,30 +444,8 @@ class ContourExecution:
         if i not in self._paths:
             index = self.samples.start + i
             inside = 0 <= index < len(self.executed.t) - 1
-            self._paths[i] = self._tool_motion(np.array([index])) if inside else None
+            self._paths[i] = self.between.path(index, index) if inside else None
         return self._paths[i]
-
-    def _tool_motion(self, indices: IntArray) -> ToolPath | None:
-        """Return the tool motion from samples of the execution to the next; None if unknown.
-
-        - `indices`: indices of the samples in the execution, increasing, (m,).
-        """
-        from armcontour.verification.peak_search import ToolPath
-
-        fine = self.executed.between(indices)
-        if fine is None:
-            return None
-        arm = self.executed.arm
-        none = np.empty((0, fine.q.shape[1]))
-        return ToolPath(
-            t=kernel_array(fine.t),
-            q=kernel_array(fine.q),
-            before=kernel_array(fine.before),
-            after=kernel_array(fine.after),
-            ddq=none if fine.ddq is None else kernel_array(fine.ddq),
-            links=arm.link_table,
-            dimension=arm.dimension,
-        )
 
     @cached_property
     def _paths(self) -> dict[int, ToolPath | None]:
@@ -538,6 +521,27 @@ def largest_coverage(searches: Sequence[CoverageSearch]) -> Coverage:
     return best
 
 
+def tracking_errors(pieces: Sequence[ContourExecution]) -> list[ErrorProfile]:
+    """Return the tracking error of each piece of an execution, see `tracking_error`.
+
+    The plan is evaluated for many short pieces at once, because a call for each takes longer.
+    """
+    errors = []
+    batch: list[ContourExecution] = []
+    for k, piece in enumerate(pieces):
+        batch.append(piece)
+        if k + 1 < len(pieces) and sum(len(x.t) for x in batch) < TIMES_AT_ONCE:
+            continue
+        trajectory = piece.executed.set_points.trajectory
+        t = np.clip(np.concatenate([x.t for x in batch]), 0.0, trajectory.duration)
+        planned = piece.executed.arm.tool_position(trajectory(t))
+        ends = np.cumsum([len(x.t) for x in batch])
+        for one, points in zip(batch, np.split(planned, ends[:-1]), strict=True):
+            errors.append(one.tracking_error(points))
+        batch = []
+    return errors
+
+
 def settling_time(executed: Execution, speed: FloatArray) -> float:
     """Return the time from which the tool is at rest [s], at least the plan's duration.
 
@@ -581,12 +585,14 @@ def split_by_contour(
         last, rms_end_time = evaluated_times(executed, end_time)
         windows = [_Window(slice(0, len(executed.t)), last, rms_end_time)]
     next_starts = [*(x.samples.start for x in windows[1:]), len(executed.t)]
+    between = ToolBetween(executed)
     pieces = []
     for k, (contour, window) in enumerate(zip(path.contours, windows, strict=True)):
         drawn = None if objective is None else objective.contours[k]
         pieces.append(
             ContourExecution(
                 executed=executed,
+                between=between,
                 path=contour.path,
                 objective=None if drawn is None else drawn.path,
                 work=contour.at_work,

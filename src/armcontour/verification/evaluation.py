@@ -28,10 +28,10 @@ from armcontour.verification.contour_errors import (
     ContourExecution,
     CornerDeviation,
     CoverageSearch,
-    evaluated_times,
     largest_coverage,
     settling_time,
     split_by_contour,
+    tracking_errors,
 )
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.limit_verdict import measure_limit_ratios
@@ -251,9 +251,11 @@ class ToolSpeeds:
         )
 
 
-def tool_speeds(motion: Execution) -> ToolSpeeds:
-    """Return the largest tool speeds of an execution, by the times at work of its plan."""
-    speed = motion.tool_speed
+def tool_speeds(motion: Execution, speed: FloatArray) -> ToolSpeeds:
+    """Return the largest tool speeds of an execution, by the times at work of its plan.
+
+    - `speed`: tool speed of the execution [m/s], (n,).
+    """
     trajectory = motion.set_points.trajectory
     if not trajectory.spans:
         return ToolSpeeds(work=float(speed.max()), rapids=None)
@@ -356,7 +358,9 @@ def evaluate(
         )
     trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
-    _, end = evaluated_times(executed, end_time)
+    tool_speed = executed.tool_speed
+    settled = settling_time(executed, tool_speed)
+    end = settled if end_time is None else end_time
     pieces = split_by_contour(executed, program, drawn, end_time)
     contour_errors = []
     drawing_errors = []
@@ -372,11 +376,11 @@ def evaluate(
     is_program = program.single_path is None
     return Evaluation(
         duration=trajectory.duration,
-        settled=settling_time(executed, executed.tool_speed),
+        settled=settled,
         end_time=end,
         contour_error=ErrorProfile.join(contour_errors),
         coverage_error=largest_coverage([x.coverage_search for x in pieces]),
-        tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
+        tracking_error=ErrorProfile.join(tracking_errors(pieces)),
         model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         objective_coverage_error=_largest_known([x.objective_search for x in pieces]),
@@ -385,7 +389,7 @@ def evaluate(
         contours=tuple(contour_errors),
         drawing_errors=tuple(drawing_errors),
         speed=max(float(x.speed.max()) for x in pieces),
-        rapid_speed=tool_speeds(executed).rapids,
+        rapid_speed=tool_speeds(executed, tool_speed).rapids,
         speed_ratio=np.nan if speed_peak is None else speed_peak.ratio,
         speed_peak=speed_peak,
         speed_overshoot=_largest_overshoot(pieces, speed_ratios),
