@@ -367,7 +367,7 @@ class ServoPlant(LimitedPlant):
         Args:
             executed: The execution, at uniform times, with all n results.
         """
-        within = self._are_within(executed.demand).all(axis=1)
+        within = np.asarray(self._are_within(executed.demand).all(axis=1))
         _, width = _steps_of(executed)
         return np.asarray(within[:-1] & within[1:] & self._is_smooth(width))
 
