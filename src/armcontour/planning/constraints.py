@@ -92,7 +92,7 @@ class IntervalEnds:
         """Joint states at the start and the end of each interval in turn, (2 n, dof) each."""
         piece = np.repeat(self.grid.piece, 2)
         s = np.repeat(self.grid.s, 2)[1:-1]
-        q = self.grid.joint_path.on_interval(piece, s)
+        q, _, _ = self.grid.joint_path.motion(piece, s)
         x = self.x[..., None]
         u = self.u[..., None]
         dq_ds, d2q_ds2 = self.path.derivatives[0]
@@ -108,22 +108,16 @@ class IntervalEnds:
         t[-1] = breaks[1:]
         return np.tile(np.arange(len(self.grid)), len(t)), t.ravel()
 
-    def largest_use(self, name: str, limits: Limits) -> FloatArray:
-        """Return the largest used fraction of a limit per interval, (n, dof); tool: (n, 1).
-
-        The ends of each interval are evaluated, and for limits of the jerk also samples inside.
+    def largest_jerk_use(self, name: str, limits: Limits) -> FloatArray:
+        """Return the largest used fraction of a limit of the jerk per interval, (n, dof).
 
         - `name`: field of `Limits`.
         """
         # The jerk `q''' ds³ + 3 q'' ds dds + q' s'''` can be largest inside an interval, so it is
         # sampled.
-        n = len(self.grid)
-        if LIMITS[name].order < 3:
-            ratio = self.states.use(name, limits).ratio.reshape(n, 2, -1)
-            return np.maximum(ratio[:, 0], ratio[:, 1])
         inside = States(self.arm, self.law.motion(*self.places, 3))
         use = inside.use(name, limits)
-        return np.asarray(use.ratio.reshape(len(INSIDE), n, -1).max(axis=0))
+        return np.asarray(use.ratio.reshape(len(INSIDE), len(self.grid), -1).max(axis=0))
 
 
 class Constraint:

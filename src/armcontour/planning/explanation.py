@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.memory import content_key, is_remembering, remembered
+from armcontour.core.memory import content_key, is_remembering, recall, remember
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, Data, Row, Table
@@ -23,6 +23,7 @@ from armcontour.motion import Method, PathLaw, Trajectory, arm_of
 from armcontour.planning.constraints import FROM_LIMITS, Constraint, IntervalEnds, assigned_speeds
 from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.limit_use import States
 from armcontour.robot.limits import JOINT_RANGE, LIMITS, reduce_limits
 
 # A limit is active on an interval if its used fraction is at least this. Margins of the planner may
@@ -41,6 +42,11 @@ ACTIVE_WITH_JERK = 0.9
 REACHED = 0.999
 # An extreme of the speed is confirmed once the speed differs from it by this fraction.
 FLAT_SPEED = 0.01
+# Number of intervals of short laws whose limit use is computed at once, which limits the memory.
+INTERVALS_AT_ONCE = 8192
+# Order of the jerk as a derivative of the joint positions. Limits of this order can be used most
+# inside an interval.
+JERK = 3
 # Label of the parts with the limit "nothing".
 BETWEEN = "between two limits"
 # Label of the time of rapid moves.
@@ -314,14 +320,13 @@ def explain_all(
     key: tuple[Hashable, ...] = ()
     if is_remembering():
         key = arm, content_key(bounds), *constraints
-    parts = []
-    for k, (t, s, law) in enumerate(laws, start=1):
-        part = remembered(
-            ("explanation", law, *key), partial(_explain_law, law, arm, bounds, constraints)
-        )
-        parts.append(part.moved(t, s))
-        if progress is not None:
-            progress(contour_step("explanation", k, len(laws)))
+    parts: list[_LawExplanation] = []
+    for batch in _batches([law for *_, law in laws]):
+        for part in _explain_batch(batch, key, arm, bounds, constraints):
+            t, s, _ = laws[len(parts)]
+            parts.append(part.moved(t, s))
+            if progress is not None:
+                progress(contour_step("explanation", len(parts), len(laws)))
     explanation = _join(parts)
     idle: defaultdict[str, tuple[float, ...]] = defaultdict(tuple)
     for span in trajectory.spans:
@@ -365,39 +370,115 @@ def _join(parts: Sequence[_LawExplanation]) -> Explanation:
     )
 
 
-def _explain_law(
-    law: PathLaw,
+def _batches(laws: Sequence[PathLaw]) -> Iterator[list[PathLaw]]:
+    """Yield successive laws in batches whose limit use is computed at once."""
+    batch: list[PathLaw] = []
+    count = 0
+    for law in laws:
+        intervals = len(law.breaks) - 1
+        if batch and count + intervals > INTERVALS_AT_ONCE:
+            yield batch
+            batch = []
+            count = 0
+        batch.append(law)
+        count += intervals
+    yield batch
+
+
+def _explain_batch(
+    laws: Sequence[PathLaw],
+    key: tuple[Hashable, ...],
     arm: Arm,
     bounds: Limits,
     constraints: Sequence[Constraint],
-) -> _LawExplanation:
-    """Explain one law, with times and arc lengths from its start."""
-    middle = (law.s[:-1] + law.s[1:]) / 2
-    grid = Grid(law.joint_path, law.s, law.joint_path.locate(middle))
-    ends = IntervalEnds(arm, law, grid)
-    assigned = assigned_speeds(law.joint_path, bounds)[grid.piece]
+) -> list[_LawExplanation]:
+    """Explain laws, with times and arc lengths from their starts; known explanations are recalled.
+
+    - `key`: what an explanation depends on besides the law.
+    """
+    explained: dict[PathLaw, _LawExplanation] = {}
+    new = []
+    for law in dict.fromkeys(laws):
+        known = recall(("explanation", law, *key))
+        if known is None:
+            new.append(law)
+        else:
+            explained[law] = known
+    if new:
+        for law, part in zip(new, _explain_laws(new, arm, bounds, constraints), strict=True):
+            remember(("explanation", law, *key), part)
+            explained[law] = part
+    return [explained[law] for law in laws]
+
+
+def _explain_laws(
+    laws: Sequence[PathLaw],
+    arm: Arm,
+    bounds: Limits,
+    constraints: Sequence[Constraint],
+) -> Iterator[_LawExplanation]:
+    """Yield the explanation of each law, with times and arc lengths from its start."""
+    ends = [_ends_of(law, arm) for law in laws]
+    assigned_of = [assigned_speeds(x.grid.joint_path, bounds)[x.grid.piece] for x in ends]
+    assigned = np.concatenate(assigned_of)
+    columns = zip(*(x.states.columns for x in ends), strict=True)
+    states = States(arm, [np.concatenate(x) for x in columns])
     names: list[tuple[str, int | None]] = []
     used: list[FloatArray] = []
-    reached = np.zeros(len(grid), dtype=bool)
+    reached = np.zeros(len(assigned), dtype=bool)
     for limit in EXPLAINED:
         if limit == "speed" and np.isfinite(assigned).any():
-            speed, _ = ends.states.measure("speed")
+            speed, _ = states.measure("speed")
             used.append((speed.reshape(-1, 2).max(axis=1) / assigned)[:, None])
             reached = (used[-1][:, 0] >= REACHED) & np.isfinite(assigned)
-        elif limit != "speed" and getattr(bounds, limit) is not None:
-            used.append(ends.largest_use(limit, bounds))
-        else:
+        elif limit == "speed" or getattr(bounds, limit) is None:
             continue
+        elif LIMITS[limit].order < JERK:
+            # It is largest at an end of each interval.
+            ratio = states.use(limit, bounds).ratio.reshape(len(assigned), 2, -1)
+            used.append(np.maximum(ratio[:, 0], ratio[:, 1]))
+        else:
+            used.append(np.concatenate([x.largest_jerk_use(limit, bounds) for x in ends]))
         joints = range(arm.dof) if LIMITS[limit].kind == "joint" else (None,)
         names += [(LIMITS[limit].label, x) for x in joints]
     # Rows of limits are compared faster than columns.
     shares = np.concatenate([x.T for x in used])
+    end = 0
+    for one, assigned in zip(ends, assigned_of, strict=True):
+        part = slice(end, end + len(assigned))
+        end = part.stop
+        yield _explain_law(
+            one, shares[:, part], names, assigned, reached[part], bounds, constraints
+        )
+
+
+def _ends_of(law: PathLaw, arm: Arm) -> IntervalEnds:
+    """Return the motion of a law at the ends of its intervals."""
+    middle = (law.s[:-1] + law.s[1:]) / 2
+    return IntervalEnds(arm, law, Grid(law.joint_path, law.s, law.joint_path.locate(middle)))
+
+
+def _explain_law(
+    ends: IntervalEnds,
+    shares: FloatArray,
+    names: list[tuple[str, int | None]],
+    assigned: FloatArray,
+    reached: BoolArray,
+    bounds: Limits,
+    constraints: Sequence[Constraint],
+) -> _LawExplanation:
+    """Explain one law, with times and arc lengths from its start.
+
+    - `shares`: largest used fraction of each limit on each interval, (limits, n).
+    - `names`: limit and joint of each row of `shares`.
+    - `assigned`, `reached`: as in `_shortfalls`.
+    """
+    law = ends.law
     if constraints:
         # A limit of the run that is also used up is the cause, not a slightly stricter constraint.
         free = shares.max(axis=0) < ACTIVE
         shares = np.concatenate([shares, *(x.usage(ends).T * free for x in constraints)])
-        for constraint in constraints:
-            names += constraint.names
+        names = [*names, *(name for x in constraints for name in x.names)]
     limit_index = _find_active(shares, ACTIVE_WITH_JERK if bounds.limits_jerk else ACTIVE)
     shortfalls = _shortfalls(law, assigned, reached, limit_index, names)
     return _LawExplanation(
@@ -524,24 +605,32 @@ def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tu
     """
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None
-    extreme = first
-    for i in points:
+    begin = extreme = first
+    # Numbers of a list are compared faster than those of an array.
+    extreme_speed = float(speed[first])
+    for i, value in zip(points, speed[points].tolist(), strict=True):
+        differs = abs(value - extreme_speed) > FLAT_SPEED * max(value, extreme_speed)
         if rising is None:
-            if abs(speed[i] - speed[extreme]) > FLAT_SPEED * max(speed[i], speed[extreme]):
-                rising = bool(speed[i] > speed[extreme])
+            if differs:
+                rising = value > extreme_speed
                 extreme = i
+                extreme_speed = value
             continue
-        if (speed[i] > speed[extreme]) == rising:
+        if (value > extreme_speed) == rising:
             extreme = i
-        elif abs(speed[i] - speed[extreme]) > FLAT_SPEED * max(speed[i], speed[extreme]):
-            outside = np.abs(speed[first : i + 1] - speed[extreme]) > FLAT_SPEED * speed[extreme]
-            before = outside[: extreme - first][::-1]
-            after = outside[extreme - first + 1 :]
+            extreme_speed = value
+        elif differs:
+            outside = np.abs(speed[begin : i + 1] - extreme_speed) > FLAT_SPEED * extreme_speed
+            before = outside[: extreme - begin][::-1]
+            after = outside[extreme - begin + 1 :]
             first_index = int(np.argmax(before)) if before.any() else len(before)
             last_index = int(np.argmax(after)) if after.any() else len(after)
             extremes.append(
                 (extreme - first_index, extreme + last_index, "fastest" if rising else "slowest")
             )
+            # The speed at this extreme differs from that at the next one.
+            begin = extreme
             rising = not rising
             extreme = i
+            extreme_speed = value
     return extremes
