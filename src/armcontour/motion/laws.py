@@ -272,8 +272,10 @@ class PathLaw(LawAlongPath):
     @property
     def passages(self) -> FloatArray:
         """Times at which the law passes those breaks of the joint path that are not its own [s]."""
-        passed = np.setdiff1d(self.joint_path.breaks, self.s)
-        return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
+        breaks = self.joint_path.breaks
+        inside = breaks[(breaks > self.s[0]) & (breaks < self.s[-1])]
+        passed = inside[self.s[np.searchsorted(self.s, inside)] != inside]
+        return self.reach(passed)[1] if len(passed) else passed
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """Return the arc length or a derivative at times `t` by interval `i`'s formula, (n,)."""

@@ -439,7 +439,9 @@ class Trajectory(Checked):
     def smooth_breaks(self) -> FloatArray:
         """Times between which the motion and its joint paths are smooth [s]."""
         laws = zip(self.laws, self.starts[:-1], strict=True)
-        passed = (t + x.passages for x, t in laws if isinstance(x, PathLaw))
+        passed = [t + x.passages for x, t in laws if isinstance(x, PathLaw)]
+        if not any(len(x) for x in passed):
+            return self.breaks
         return np.unique(np.concatenate([self.breaks, *passed]))
 
     @property

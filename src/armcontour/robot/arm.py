@@ -647,7 +647,8 @@ class Arm(Immutable, ABC):
             InvalidInput: The masses of the links are not known.
         """
         dynamics = self.dynamics
-        return dynamics.torque(q, dq, ddq) + dynamics.friction(dq)
+        torque = dynamics.torque(q, dq, ddq)
+        return torque + dynamics.friction(dq) if dynamics.has_friction else torque
 
 
 def shift_by_turns(

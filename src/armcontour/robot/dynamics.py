@@ -46,6 +46,7 @@ class Dynamics:
             reversed_columns = np.arange(first)[::-1]
             self._branches.append((reversed_columns, _link_data(part), np.array(part.gravity)))
         self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
+        self.has_friction = any(x.any() for x in self._friction)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Return joint torques [N m] due to inertia and gravity, without friction.

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -60,8 +60,22 @@ class Use:
 
     @property
     def largest(self) -> FloatArray:
-        """Largest ratio of each joint, (dof,)."""
-        return np.asarray(self.ratio.max(axis=0))
+        """Largest ratio of each joint, (dof,); of a limit of the tool a single one, (1,)."""
+        if not self.is_linear:
+            return np.asarray(self.ratio.max(axis=0))
+        # The ratio increases with the value, or decreases if the limit is a lower one. For few
+        # columns, this is faster than a maximum along the rows.
+        columns = self.value.T if self.value.ndim > 1 else [self.value]
+        extreme = np.array([x.max() for x in columns])
+        if self.zero is not None:
+            lowest = np.array([x.min() for x in columns])
+            extreme = np.where(self.limit < self.zero, lowest, extreme)
+        return np.asarray(Use(self.name, extreme, self.limit, 0.0, self.zero).ratio)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the ratios are `(value - zero) / (limit - zero)` with one limit per column."""
+        return np.ndim(self.limit) < self.value.ndim and not np.any(self.error)
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the ratios of values to limits, their lower bounds, and bounds on their errors."""
@@ -260,6 +274,8 @@ class States:
 
         still = np.abs(self.dq) <= STILL_JOINT
         value = np.abs(drive)
+        if not self.errors and not dry.any():
+            return value, np.zeros(1)
         if not self.errors:
             # Few joints are at rest, so only their torques are computed again.
             rows, joints = np.nonzero(still)
@@ -306,15 +322,22 @@ def angular(twist: Quantity) -> Quantity:
 def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
     """Return the acceleration's norm normal to `velocity`, (n,); 0 below the speed `STILL_TOOL`."""
     speed = length(velocity)
-    direction = velocity / np.maximum(speed, STILL_TOOL)[:, None]
-    along = np.einsum("ij,ij->i", acceleration, direction)
-    return np.where(speed > STILL_TOOL, length(acceleration - along[:, None] * direction), 0.0)
+    divisor = np.maximum(speed, STILL_TOOL)
+    directions = [x / divisor for x in velocity.T]
+    along = _sum_products(acceleration.T, directions)
+    normal = [x - along * y for x, y in zip(acceleration.T, directions, strict=True)]
+    return np.where(speed > STILL_TOOL, np.sqrt(_sum_products(normal, normal)), 0.0)
 
 
 def length(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors, (n,)."""
-    # For the two or three columns of tool vectors, this is faster than a norm along the rows.
-    square = vectors[:, 0] ** 2
-    for column in vectors.T[1:]:
-        square = square + column**2
-    return np.asarray(np.sqrt(square))
+    return np.asarray(np.sqrt(_sum_products(vectors.T, vectors.T)))
+
+
+def _sum_products(a: Iterable[FloatArray], b: Iterable[FloatArray]) -> FloatArray:
+    """Return the scalar products of vectors whose components are given in turn, (n,) each."""
+    # For two or three components, this is faster than a sum or a product along the rows.
+    total = np.zeros(1)
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total

@@ -472,36 +472,36 @@ def _largest_ratios(
         t[-1] = ends[part]
         for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerk)[-1]:
             name = use.name
-            ratio = use.ratio.reshape(*t.shape, -1)
-            largest = max(best.get(name, -np.inf), float(ratio.max()))
+            largest = max(best.get(name, -np.inf), float(use.largest.max()))
             # Both ends of a joint range determine its middle.
             names = JOINT_RANGE if name in JOINT_RANGE else (name,)
             only = Limits.only(**{x: getattr(limits, x) for x in names})
-            peaks = _peaks(motion, arm, name, only, t, ratio, largest)
+            peaks = _peaks(motion, arm, use, only, t, largest)
             best[name] = max([largest, *peaks.tolist()])
     return best
 
 
 def _peaks(
-    motion: Trajectory,
-    arm: Arm,
-    name: str,
-    only: Limits,
-    t: FloatArray,
-    ratio: FloatArray,
-    threshold: float,
+    motion: Trajectory, arm: Arm, use: Use, only: Limits, t: FloatArray, threshold: float
 ) -> FloatArray:
     """Return the ratios at the highest peaks between times, (m,), m at most PEAKS.
 
     Peaks count if the parabolas through three successive ratios exceed `threshold` there.
 
-    - `only`: the limit of this `name` alone.
+    - `use`: use of the limit at these times.
+    - `only`: this limit alone.
     - `t`: times of all intervals [s], (times, intervals).
-    - `ratio`: ratios at these times, (times, intervals, columns).
     """
     from armcontour.verification.ratio_peaks import find_peaks
 
-    places, heights = find_peaks(ratio, threshold)
+    name = use.name
+    values = (use.value if use.is_linear else use.ratio).reshape(*t.shape, -1)
+    zero = np.zeros(values.shape[2])
+    room = np.ones(values.shape[2])
+    if use.is_linear:
+        zero += 0.0 if use.zero is None else use.zero
+        room = use.limit - zero
+    places, heights = find_peaks(values, zero, room, threshold)
     highest = np.argsort(-heights, kind="stable")[:PEAKS]
     i, k, column = places[highest].T
     if not len(i):

@@ -9,30 +9,36 @@ from armcontour.core.kernel_cache import compiled
 
 
 @compiled()
-def find_peaks(ratio: FloatArray, threshold: float) -> tuple[IntArray, FloatArray]:
+def find_peaks(
+    values: FloatArray, zero: FloatArray, room: FloatArray, threshold: float
+) -> tuple[IntArray, FloatArray]:
     """Find where the parabola through three successive ratios exceeds a threshold at its top.
 
-    A parabola without a top between its outer times has its highest value at an end, which is a
-    ratio. Returns the indices of the middle ratios as rows (time, interval, column), (m, 3), and
-    the heights of the tops, (m,).
+    The ratios are `(value - zero) / room`. A parabola without a top between its outer times has its
+    highest value at an end, which is a ratio. Returns the indices of the middle ratios as rows
+    (time, interval, column), (m, 3), and the heights of the tops, (m,).
 
-    - `ratio`: ratios, (times, intervals, columns).
+    - `values`: values at all times, (times, intervals, columns).
+    - `zero`, `room`: origin and range of the values of each column, (columns,) each.
     """
-    times, intervals, columns = ratio.shape
+    times, intervals, columns = values.shape
     places = np.empty((16, 3), np.int64)
     heights = np.empty(16)
     count = 0
     for i in range(1, times - 1):
         for k in range(intervals):
             for column in range(columns):
-                before = ratio[i - 1, k, column]
-                middle = ratio[i, k, column]
-                after = ratio[i + 1, k, column]
+                before = values[i - 1, k, column]
+                middle = values[i, k, column]
+                after = values[i + 1, k, column]
                 curvature = before - 2 * middle + after
                 tilt = (after - before) / 2
-                if not (curvature < 0.0 and abs(tilt) < -curvature):
+                # The ratio decreases with the value if the room is negative.
+                bend = curvature if room[column] > 0.0 else -curvature
+                if not (bend < 0.0 and abs(tilt) < -bend):
                     continue
-                height = middle - tilt**2 / (2 * curvature)
+                top = middle - tilt**2 / (2 * curvature)
+                height = (top - zero[column]) / room[column]
                 if not height > threshold:
                     continue
                 if count == len(heights):
