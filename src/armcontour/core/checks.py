@@ -95,8 +95,8 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
     # Checking the flags takes a tenth of the time that `np.require` takes.
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         flags = values.flags
-        if flags.c_contiguous and flags.writeable:
-            return values
+        if flags.c_contiguous:
+            return values if flags.writeable else values.copy()
     return np.require(values, np.float64, ["C", "W"])
 
 

@@ -257,7 +257,7 @@ def find_peak(
     - `start_time`, `end_time`: times between which the peak may be [s].
     - `hidden`: intervals in which the error may have a peak that no sample shows.
     """
-    from armcontour.verification.path_points import find_tops
+    from armcontour.verification.path_points import find_candidates
 
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
@@ -265,13 +265,7 @@ def find_peak(
     sampled = float(values[counts].max(initial=-np.inf))
     best = sampled
     peak = None
-    high, _, _, bound = find_tops(kernel_array(t), kernel_array(values))
-    # Where the second difference changes its sign, the samples do not resolve the ripple.
-    curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
-    ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
-    unsure = np.flatnonzero((ripple > _threshold(best)) & (curvature[:-1] * curvature[1:] <= 0))
-    high = np.append(high, unsure)
-    bound = np.append(bound, ripple[unsure])
+    high, bound = find_candidates(kernel_array(t), kernel_array(values), _threshold(best))
     if hidden is not None and len(hidden[0]):
         sharp, excess = hidden
         high = np.append(high, sharp)

@@ -237,6 +237,42 @@ def find_tops(
     return top[:count], kink[:count], parabola_top[:count], bound[:count]
 
 
+@compiled()
+def find_candidates(
+    t: FloatArray, values: FloatArray, threshold: float
+) -> tuple[IntArray, FloatArray]:
+    """Find the intervals in which the values may exceed a threshold.
+
+    Returns the indices of their first samples, and bounds of the values, (m,) each. An interval may
+    be found twice, for two reasons.
+
+    - `t`, `values`: increasing times [s] and values at them, (n,) each with n > 2.
+    """
+    n = len(values)
+    top, _, _, top_bound = find_tops(t, values)
+    index = np.empty(len(top) + n, np.intp)
+    bound = np.empty(len(top) + n)
+    count = 0
+    for k in range(len(top)):
+        # Without a sample that counts, the threshold is no number, and all tops are searched.
+        if not top_bound[k] <= threshold:
+            index[count] = top[k]
+            bound[count] = top_bound[k]
+            count += 1
+    # Where the second difference changes its sign, the samples do not resolve the ripple.
+    curvature = (values[2] - values[1]) - (values[1] - values[0])
+    for i in range(n - 1):
+        before = curvature
+        if 0 < i < n - 2:
+            curvature = (values[i + 2] - values[i + 1]) - (values[i + 1] - values[i])
+        ripple = max(values[i], values[i + 1]) + (abs(before) + abs(curvature)) / 4
+        if ripple > threshold and before * curvature <= 0.0:
+            index[count] = i
+            bound[count] = ripple
+            count += 1
+    return index[:count], bound[:count]
+
+
 def find_path_points(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
