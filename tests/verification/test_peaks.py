@@ -205,6 +205,22 @@ def test_motion_between_samples_agrees_with_a_finer_simulation(
         np.testing.assert_allclose(interpolated, fine.q[rows], rtol=0, atol=POSITION_ROUNDING)
 
 
+@pytest.mark.parametrize("acceleration", [0.7, 100.0])
+def test_steps_are_smooth_where_the_motion_between_samples_is_one_quintic(acceleration):
+    arm, _, _, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    limits = arm.limits.replace(joint_acceleration=acceleration)
+    set_points = ac.compensate(trajectory, servo, ac.NoCompensation(), cycle=4e-3)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=1e-3)
+    smooth = executed.smooth_steps()
+    assert smooth.any()
+    assert smooth.all() == (not executed.saturated_time.any())
+    for sample in range(0, len(smooth), 7):
+        motion = executed.between(np.array([sample]))
+        assert (motion.ddq is not None) == smooth[sample], sample
+    assert not replace(executed, plant=None).smooth_steps().any()
+
+
 def short_contours(length, resolution):
     """Return a program of two contours of a length [m], and its execution."""
     arm = ac.load_arm("pmk3s")
