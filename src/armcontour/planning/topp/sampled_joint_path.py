@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.pool import split_evenly
-from armcontour.core.simd import LANES
+from armcontour.core.quintics import before_zeros
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
     BY_CONSTANT,
@@ -139,8 +139,7 @@ class SampledJointPath:
     def intervals(self) -> Intervals:
         """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
-        coefficients = np.zeros(path.coefficients.size + LANES)
-        coefficients[:-LANES] = path.coefficients.ravel()
+        coefficients = before_zeros(path.coefficients)
         return Intervals(self.grid.s, self.grid.piece, path.breaks, coefficients, path.dof)
 
     @cached_property
