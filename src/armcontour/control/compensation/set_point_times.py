@@ -81,19 +81,22 @@ def advance_set_points(
     lead_cycles = lead.max() / cycle
     early = int(np.floor(lead_cycles + SNAP)) + 1 if from_rest else int(np.ceil(lead_cycles - SNAP))
     start = trajectory(0.0) if hold is None else hold
-    columns: dict[int, FloatArray] = {}
+    groups = []
     for advance in np.unique(lead):
         joints = np.flatnonzero(lead == advance)
         times = set_point_times(trajectory, cycle, min(float(advance) - early * cycle, 0.0))
-        resting = np.tile(start[joints], (times.before, 1))
-        set_points = np.concatenate([resting, command(times, joints)])
-        columns |= dict(zip(joints.tolist(), set_points.T, strict=True))
-    length = max(len(x) for x in columns.values())
-    # A joint whose command ends earlier repeats its last set-point.
-    padded = [
-        np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
-    ]
-    return -early * cycle + 0.0, np.stack(padded, axis=1)
+        groups.append((joints, times.before, command(times, joints)))
+    length = max(before + len(commands) for _, before, commands in groups)
+    q = np.empty((length, len(lead)))
+    for joints, before, commands in groups:
+        end = before + len(commands)
+        q[:before, joints] = start[joints]
+        q[before:end, joints] = commands
+        # Joints whose command ends earlier repeat their last set-point.
+        q[end:, joints] = commands[-1]
+    # A long motion has many set-points, which become read-only without a copy.
+    q.setflags(write=False)
+    return -early * cycle + 0.0, q
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
