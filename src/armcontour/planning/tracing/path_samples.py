@@ -14,8 +14,8 @@ from armcontour.planning.tracing.stations import Stations, choose_stations
 
 # Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
-# Largest number of segments of a path whose samples are kept, because those of a long path take much
-# memory.
+# Largest number of segments of a path whose samples are kept, because the samples of a long path
+# take much memory.
 LONGEST_KEPT = 20_000
 # Number of paths whose samples are kept. They are the contours that equally fast configurations, or
 # the places of a part, trace again.
