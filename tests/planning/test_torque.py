@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
+from armcontour.planning.topp import sampled_joint_path
 from armcontour.robot.bodies import Payload
 from armcontour.robot.serial import SerialArm
 
@@ -107,3 +108,15 @@ def test_the_explanation_names_the_limiting_torque():
     length = sum(x.s[1] - x.s[0] for x in binding)
     assert length > 0.98 * (bindings[-1].s[1] - bindings[0].s[0])
     assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
+
+
+@pytest.mark.parametrize("at_once", [1, 97])
+def test_plan_is_the_same_if_rows_are_computed_in_groups(monkeypatch, at_once):
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    path = ac.JointPath.spline(POINTS)
+    options = ac.Optimal(intervals=400)
+    (whole,) = ac.plan(path, arm, torque_only(arm), options).laws
+    monkeypatch.setattr(sampled_joint_path, "INTERVALS_AT_ONCE", at_once)
+    (grouped,) = ac.plan(path, arm, torque_only(arm), options).laws
+    np.testing.assert_array_equal(grouped.breaks, whole.breaks)
+    np.testing.assert_array_equal(grouped.rates, whole.rates)

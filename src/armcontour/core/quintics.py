@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.simd import LANES
 
 # Value, first and second derivative of n curves, (n, dof) each.
 Derivatives: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -40,8 +41,29 @@ def quintic(
         Coefficients a0 to a5, (n, 6, dof).
     """
     first, last = (tuple(map(kernel_array, x)) for x in (begin, end))
+    n, dof = first[0].shape
+    # Kernels that load LANES numbers read beyond the last quintic, see `before_zeros`.
+    memory = np.zeros(6 * n * dof + LANES)
+    coefficients = memory[:-LANES].reshape(n, 6, dof)
     kernel: Any = _fill_coefficients
-    return np.asarray(kernel(kernel_array(width), first, last, width_error))
+    kernel(kernel_array(width), first, last, width_error, coefficients)
+    return coefficients
+
+
+def before_zeros(coefficients: FloatArray) -> FloatArray:
+    """Return the coefficients, flat, followed by LANES zeros.
+
+    Coefficients that `quintic` has made are not copied.
+    """
+    memory = coefficients.base
+    size = coefficients.size
+    if isinstance(memory, np.ndarray) and memory.flags.writeable and memory.dtype == np.float64:
+        begins = memory.ctypes.data == coefficients.ctypes.data
+        if begins and memory.shape == (size + LANES,) and not memory[size:].any():
+            return memory
+    memory = np.zeros(size + LANES)
+    memory[:size] = coefficients.ravel()
+    return memory
 
 
 def to_bernstein(degree: int) -> FloatArray:
@@ -52,13 +74,16 @@ def to_bernstein(degree: int) -> FloatArray:
 
 @compiled()
 def _fill_coefficients(
-    width: FloatArray, begin: Derivatives, end: Derivatives, width_error: float
-) -> FloatArray:
-    """Compute the coefficients for `quintic`."""
+    width: FloatArray,
+    begin: Derivatives,
+    end: Derivatives,
+    width_error: float,
+    coefficients: FloatArray,
+) -> None:
+    """Write the coefficients for `quintic`."""
     q0, d0, c0 = begin
     q1, d1, c1 = end
     n, dof = q0.shape
-    coefficients = np.empty((n, 6, dof))
     for i in range(n):
         h = width[i]
         for j in range(dof):
@@ -81,7 +106,6 @@ def _fill_coefficients(
             coefficients[i, 3, j] = cubic if short else 10 * value - 4 * slope + curvature / 2
             coefficients[i, 4, j] = quartic if short else -15 * value + 7 * slope - curvature
             coefficients[i, 5, j] = 0.0 if short else 6 * value - 3 * slope + curvature / 2
-    return coefficients
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:

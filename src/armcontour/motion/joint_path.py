@@ -127,16 +127,19 @@ class JointPath(Checked):
         """
         knots = checks.shaped("breaks of a joint path", breaks, (None,))
         checks.raise_if(len(knots) < 2, "A joint path needs at least two breaks.")
-        first = checks.shaped("begin", begin, (3, len(knots) - 1, None))
-        last = checks.shaped("end", end, first.shape)
-        return cls(
-            breaks=knots,
-            coefficients=quintic(
-                np.diff(knots), first, last, ARC_LENGTH_ROUNDING * float(np.abs(knots).max())
-            ),
-            stops=stops,
+        first = _check_ends("begin", begin, (len(knots) - 1, None))
+        last = _check_ends("end", end, first[0].shape)
+        rounding = ARC_LENGTH_ROUNDING * float(np.abs(knots).max())
+        # The coefficients become read-only without a copy, because a long path has many.
+        joint_path = checks.make_unchecked(
+            cls,
+            breaks=checks.frozen_array(knots),
+            coefficients=quintic(np.diff(knots), first, last, rounding),
+            stops=checks.frozen_array(stops, "stops", "m"),
             tool_path=tool_path,
         )
+        joint_path._check_together()
+        return joint_path
 
     @classmethod
     @checked
@@ -273,3 +276,12 @@ class JointPath(Checked):
         joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))
         return q, first, second
+
+
+def _check_ends(
+    name: str, ends: tuple[FloatArray, FloatArray, FloatArray], shape: tuple[int | None, ...]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q, dq_ds and d2q_ds2 as arrays of the same shape, without a copy if possible."""
+    checks.raise_if(len(ends) != 3, f"{name} must be q, dq_ds and d2q_ds2.")
+    q = checks.shaped(name, ends[0], shape)
+    return q, checks.shaped(name, ends[1], q.shape), checks.shaped(name, ends[2], q.shape)

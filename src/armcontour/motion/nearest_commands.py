@@ -38,6 +38,8 @@ FIRST_PRODUCT = 1.0
 MISSING_BOUND = 10.0
 # Fraction of the longest feasible step that is used, so that slacks and multipliers stay positive.
 STEP_SHARE = 0.995
+# Number of set-points that are compared with their bounds at once, which limits the memory.
+ROWS_AT_ONCE = 50_000
 # Signs of a difference in its upper and its lower bound.
 BOUND_SIGNS = np.array([[1.0], [-1.0]])
 
@@ -99,20 +101,23 @@ def find_excess(
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
         values = differences(q, order) / cycle**order if order else q
-        excesses = _excess_over_bounds(values, low, high, relative=order > 0)
-        if order > 0:
-            excesses = excesses - share
-        row, joint = (int(i) for i in np.unravel_index(int(np.argmax(excesses)), excesses.shape))
-        if excesses[row, joint] > largest:
-            largest = float(excesses[row, joint])
-            value = float(values[row, joint])
+        for first in range(0, len(values), ROWS_AT_ONCE):
+            part = values[first : first + ROWS_AT_ONCE]
+            excesses = _excess_over_bounds(part, low, high, relative=order > 0)
+            if order > 0:
+                excesses = excesses - share
+            k, joint = (int(i) for i in np.unravel_index(np.argmax(excesses), excesses.shape))
+            if excesses[k, joint] <= largest:
+                continue
+            largest = float(excesses[k, joint])
+            value = float(part[k, joint])
             bound = int(value > high[joint])
             # The absolute value of a derivative is reported.
             sign = -1.0 if order and value < 0 else 1.0
             found = Excess(
                 name=BY_ORDER[order] or JOINT_RANGE[bound],
                 order=order,
-                row=min(row, len(q) - 1),
+                row=min(first + k, len(q) - 1),
                 joint=joint,
                 needed=sign * value,
                 allowed=sign * float(bounds[order, bound, joint]),

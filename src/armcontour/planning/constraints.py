@@ -331,10 +331,8 @@ class JointTorque(Constraint):
 
         docs/concepts/time_optimal.md derives how friction enters the rows.
         """
-        terms = path.terms_of(self.dynamics.path_terms)
         bounds = (-self.limit, self.limit)
-        rows = path.rows(terms, *bounds)
-        gravity = path.at_ends(terms[2])
+        rows, gravity = path.rows_of(self.dynamics.path_terms, *bounds)
         check_rest(path.grid, self, gravity, bounds)
         if not (self.curved or self.coulomb.any()):
             return (rows,)

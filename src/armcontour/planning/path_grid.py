@@ -52,6 +52,12 @@ class Grid(Frozen):
         """Number of intervals."""
         return len(self.piece)
 
+    def part(self, first: int, last: int) -> Grid:
+        """Return the grid of the intervals from `first` up to `last`, which is not included."""
+        if first == 0 and last == len(self):
+            return self
+        return _make_grid(self.joint_path, self.s[first : last + 1], self.piece[first:last])
+
 
 def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     """Make a grid that is finer where the direction in joint space changes faster."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.control.compensation import CompensationOptions
+from armcontour.control.compensation import CompensationOptions, inverse, set_point_times
 from armcontour.jobs.methods import COMPENSATIONS
 from armcontour.motion import PathLaw, Rates
 
@@ -129,3 +129,15 @@ def test_the_inverse_compensates_joints_of_different_orders(refuses):
     unknown = ac.ServoModel(order="unknown")
     default = ac.compensate(plan, unknown)
     np.testing.assert_allclose(default.q, plan(np.clip(default.t, 0, plan.duration)), atol=1e-5)
+
+
+@pytest.mark.parametrize("at_once", [1, 2])
+def test_set_points_are_the_same_if_they_are_computed_in_groups(monkeypatch, at_once):
+    end = np.array([0.4, -0.3])
+    laws = (*smooth().laws, ac.dwell_law(end, 0.1), ac.dwell_law(end, 0.05))
+    trajectory = ac.Trajectory(laws=laws, method="hand")
+    whole = ac.compensate(trajectory, UNEVEN, ac.Inverse(), cycle=0.008)
+    monkeypatch.setattr(set_point_times, "LAWS_AT_ONCE", at_once)
+    monkeypatch.setattr(inverse, "TIMES_AT_ONCE", 7)
+    grouped = ac.compensate(trajectory, UNEVEN, ac.Inverse(), cycle=0.008)
+    np.testing.assert_array_equal(grouped.q, whole.q)

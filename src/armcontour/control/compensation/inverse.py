@@ -77,20 +77,31 @@ def invert_servo(
             t = np.append(t, trajectory.duration + times.after_end)
         # A drive holds its acceleration over a drive cycle, so the plan's acceleration is taken
         # half a drive cycle later.
-        q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
+        ahead = servo.drive_cycle / 2
+        commands = np.empty((len(t) + len(tail) + 1, trajectory.dof))
         if len(tail):
+            # The integrators depend on all previous set-points.
+            q, dq, ddq = _means(trajectory, t, cycle, ahead)
             q = np.concatenate([q, tail + final])
             dq = np.concatenate([dq, tail])
             ddq = np.concatenate([ddq, tail])
-        ddq = without_integral(dq, ddq, servo, cycle)
-        commands = servo.command(q, dq, ddq)
+            commands[:-1] = servo.command(q, dq, without_integral(dq, ddq, servo, cycle))
+        else:
+            for group in _groups(len(t)):
+                commands[group] = servo.command(*_means(trajectory, t[group], cycle, ahead))
+        commands[-1] = final
         moving = commands[: len(t)]
-        moving -= BIAS[servo.interpolation] * _second_differences(moving, trajectory, t, cycle)
-        return np.concatenate([commands, final])[:, joints]
+        moving -= _biases(moving, trajectory, t, cycle, BIAS[servo.interpolation])
+        return commands if len(joints) == trajectory.dof else commands[:, joints]
 
     return advance_set_points(
         trajectory, time_advances(servo, cycle), cycle, command, from_rest=True
     )
+
+
+def _groups(count: int) -> list[slice]:
+    """Divide times into groups of at most TIMES_AT_ONCE."""
+    return split_evenly(count, -(-count // TIMES_AT_ONCE))
 
 
 def _means(
@@ -107,7 +118,7 @@ def _means(
     count = len(shifts)
     q_means, dq_means, ddq_means = (np.empty((len(t), trajectory.dof)) for _ in range(3))
     # A program has thousands of motion laws, so many times are evaluated at once.
-    for group in split_evenly(len(t), -(-len(t) // TIMES_AT_ONCE)):
+    for group in _groups(len(t)):
         q, dq = trajectory.motion_with_rests((t[group, None] + shifts).ravel(), 1)
         start, middle, end = (q[k::count] for k in range(3))
         # Velocities at the start and end of the shifted cycle, or of the cycle itself without a
@@ -120,12 +131,13 @@ def _means(
     return q_means, dq_means, ddq_means
 
 
-def _second_differences(
-    u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
+def _biases(
+    u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float, factor: float
 ) -> FloatArray:
-    """Return weighted second differences of set-points per squared cycle [rad], (n, dof).
+    """Return the biases of set-points by their weighted second differences [rad], (n, dof).
 
     - `u`: set-points at times t [rad], (n, dof).
+    - `factor`: factor of the second differences per squared cycle.
     """
     # Their half-width is at most HALF_WIDTH cycles, and they are within one move. They decrease to
     # 0 towards both ends of the move, because set-points at rest have no bias.
@@ -134,5 +146,11 @@ def _second_differences(
     cycles_to_end = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
     half_width = np.clip(np.floor(cycles_to_end + SNAP), 0, HALF_WIDTH).astype(np.intp)
     i = np.arange(len(t))
+    before = i - half_width
+    after = i + half_width
     weight = np.clip(cycles_to_end / HALF_WIDTH, 0, 1) / np.maximum(half_width, 1) ** 2
-    return np.asarray(weight[:, None] * (u[i + half_width] - 2 * u + u[i - half_width]))
+    biases = np.empty_like(u)
+    for group in _groups(len(t)):
+        differences = u[after[group]] - 2 * u[group] + u[before[group]]
+        biases[group] = factor * (weight[group, None] * differences)
+    return biases

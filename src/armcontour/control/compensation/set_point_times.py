@@ -18,6 +18,8 @@ SNAP = 1e-9
 SETTLING = 36.0
 # The transient of set-points after a motion is truncated after this time at the latest [s].
 LONGEST_TAIL = 1.0
+# Number of motion laws whose breaks are compared with set-points at once.
+LAWS_AT_ONCE = 512
 # The transient is also truncated after this fraction of the motion's duration.
 TAIL_SHARE = 0.2
 
@@ -40,16 +42,33 @@ def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -
     duration = trajectory.duration
     count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
     grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
-    breaks = trajectory.breaks
-    nearest = np.clip(np.searchsorted(breaks, grid), 1, len(breaks) - 1)
-    nearest -= grid - breaks[nearest - 1] < breaks[nearest] - grid
-    at_break = np.abs(breaks[nearest] - grid) < SNAP * cycle
-    grid[at_break] = breaks[nearest][at_break]
+    law_index = np.searchsorted(trajectory.starts, grid, side="right") - 1
+    law_index = np.clip(law_index, 0, len(trajectory.laws) - 1)
+    # The breaks of all laws of a long program would take much memory.
+    for first in range(0, len(trajectory.laws), LAWS_AT_ONCE):
+        last = min(first + LAWS_AT_ONCE, len(trajectory.laws))
+        near = slice(*np.searchsorted(law_index, [first, last]))
+        breaks = _breaks_of(trajectory, first, last)
+        grid[near] = _move_to_breaks(grid[near], breaks, SNAP * cycle)
     return SetPointTimes(
         before=int((grid < 0).sum()),
         inside=grid[grid >= 0],
         after_end=max(offset + len(grid) * cycle - duration, SNAP * cycle),
     )
+
+
+def _breaks_of(trajectory: Trajectory, first: int, last: int) -> FloatArray:
+    """Return the breaks of the laws from `first` up to `last`, with the end of the last law [s]."""
+    starts = trajectory.starts
+    times = [starts[k] + trajectory.laws[k].breaks[:-1] for k in range(first, last)]
+    return np.concatenate([*times, starts[last : last + 1]])
+
+
+def _move_to_breaks(t: FloatArray, breaks: FloatArray, near: float) -> FloatArray:
+    """Return times, of which those that are closer to a break than `near` are at the break [s]."""
+    nearest = np.clip(np.searchsorted(breaks, t), 1, len(breaks) - 1)
+    nearest -= t - breaks[nearest - 1] < breaks[nearest] - t
+    return np.where(np.abs(breaks[nearest] - t) < near, breaks[nearest], t)
 
 
 def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
@@ -81,19 +100,22 @@ def advance_set_points(
     lead_cycles = lead.max() / cycle
     early = int(np.floor(lead_cycles + SNAP)) + 1 if from_rest else int(np.ceil(lead_cycles - SNAP))
     start = trajectory(0.0) if hold is None else hold
-    columns: dict[int, FloatArray] = {}
+    groups = []
     for advance in np.unique(lead):
         joints = np.flatnonzero(lead == advance)
         times = set_point_times(trajectory, cycle, min(float(advance) - early * cycle, 0.0))
-        resting = np.tile(start[joints], (times.before, 1))
-        set_points = np.concatenate([resting, command(times, joints)])
-        columns |= dict(zip(joints.tolist(), set_points.T, strict=True))
-    length = max(len(x) for x in columns.values())
-    # A joint whose command ends earlier repeats its last set-point.
-    padded = [
-        np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
-    ]
-    return -early * cycle + 0.0, np.stack(padded, axis=1)
+        groups.append((joints, times.before, command(times, joints)))
+    length = max(before + len(commands) for _, before, commands in groups)
+    q = np.empty((length, len(lead)))
+    for joints, before, commands in groups:
+        end = before + len(commands)
+        q[:before, joints] = start[joints]
+        q[before:end, joints] = commands
+        # Joints whose command ends earlier repeat their last set-point.
+        q[end:, joints] = commands[-1]
+    # A long motion has many set-points, which become read-only without a copy.
+    q.setflags(write=False)
+    return -early * cycle + 0.0, q
 
 
 def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:

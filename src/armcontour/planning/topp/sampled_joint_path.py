@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernel_cache import FUSED, compiled
 from armcontour.core.pool import split_evenly
-from armcontour.core.simd import LANES
+from armcontour.core.quintics import before_zeros
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import (
     BY_CONSTANT,
@@ -33,11 +33,14 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]
 # Largest number of samples at which the joint motion is kept; at more, it is computed in groups of
 # this many samples, because it would take most of the memory of a long plan.
 SAMPLES_AT_ONCE = 16_384
+# Largest number of intervals whose rows are computed at once; an interval has 2 or 3 samples.
+INTERVALS_AT_ONCE = SAMPLES_AT_ONCE // 2
 
 
 @compiled(fastmath=FUSED)
 def write_linear_rows(
-    grid: Intervals,
+    s: FloatArray,
+    piece: IntArray,
     after: IntArray,
     terms: tuple[FloatArray, ...],
     bounds: tuple[FloatArray, ...],
@@ -45,17 +48,18 @@ def write_linear_rows(
 ) -> None:
     """Write rows `low <= a u + b x + c <= high` whose coefficients are sampled.
 
-    `terms` are a, b and c at the samples, (samples, rows) each; `bounds` are low and high, (rows,)
-    each. Of n intervals, interval i has its start at sample i, its middle at sample n + i, and its
-    end at sample `after[i]`, as in `SampledJointPath.after`.
+    `s` and `piece` are the arrays of the grid. `terms` are a, b and c at the samples, (samples,
+    rows) each; `bounds` are low and high, (rows,) each. Of n intervals, interval i has its start at
+    sample i, its middle at sample n + i, and its end at sample `after[i]`, as in
+    `SampledJointPath.after`.
     """
     a, b, c = terms
     low, high = bounds
-    n = len(grid.piece)
+    n = len(piece)
     count = a.shape[1]
     second = np.empty((n, 3, count))
     for i in range(n):
-        w = grid.s[i + 1] - grid.s[i]
+        w = s[i + 1] - s[i]
         last = after[i]
         # `second` is twice the deviation of the middle from the chord, divided by w².
         inverse = 2 / (w * w)
@@ -64,10 +68,10 @@ def write_linear_rows(
             second[i, 1, r] = inverse * abs(b[n + i, r] - (b[i, r] + b[last, r]) / 2)
             second[i, 2, r] = inverse * abs(c[n + i, r] - (c[i, r] + c[last, r]) / 2)
     for i in range(n):
-        w = grid.s[i + 1] - grid.s[i]
+        w = s[i + 1] - s[i]
         last = after[i]
-        previous = i - 1 if i > 0 and grid.piece[i - 1] == grid.piece[i] else i
-        next_ = i + 1 if i < n - 1 and grid.piece[i + 1] == grid.piece[i] else i
+        previous = i - 1 if i > 0 and piece[i - 1] == piece[i] else i
+        next_ = i + 1 if i < n - 1 and piece[i + 1] == piece[i] else i
         for r in range(count):
             for end in range(2):
                 row = last if end else i
@@ -135,8 +139,7 @@ class SampledJointPath:
     def intervals(self) -> Intervals:
         """Arrays of the grid and the joint path for kernels."""
         path = self.grid.joint_path
-        coefficients = np.zeros(path.coefficients.size + LANES)
-        coefficients[:-LANES] = path.coefficients.ravel()
+        coefficients = before_zeros(path.coefficients)
         return Intervals(self.grid.s, self.grid.piece, path.breaks, coefficients, path.dof)
 
     @cached_property
@@ -179,17 +182,39 @@ class SampledJointPath:
         """q, dq_ds and d2q_ds2 at all samples, (samples, dof) each."""
         return self.grid.joint_path.motion(*self.places)
 
-    def terms_of(self, function: Callable[[FloatArray, FloatArray, FloatArray], Terms]) -> Terms:
-        """Return three functions of q, dq_ds and d2q_ds2 at all samples, (samples, dof) each."""
-        pieces, s = self.places
-        count = len(s)
-        if count <= SAMPLES_AT_ONCE:
-            return function(*self.motion)
-        joint_path = self.grid.joint_path
-        a, b, c = (np.empty((count, joint_path.dof)) for _ in range(3))
-        for group in split_evenly(count, -(-count // SAMPLES_AT_ONCE)):
-            a[group], b[group], c[group] = function(*joint_path.motion(pieces[group], s[group]))
-        return a, b, c
+    def rows_of(
+        self,
+        function: Callable[[FloatArray, FloatArray, FloatArray], Terms],
+        low: FloatArray,
+        high: FloatArray,
+    ) -> tuple[LinearRows, FloatArray]:
+        """Return the rows `low <= a u + b x + c <= high`, and c at the ends of the intervals.
+
+        The coefficients are computed for groups of intervals, because those at all samples would
+        take as much memory as the rows. Returns c as an array (n, 2, rows).
+
+        - `function`: computes a, b and c, (samples, rows) each, from q, dq_ds and d2q_ds2.
+        - `low`, `high`: bounds, (rows,) each.
+        """
+        n = len(self)
+        if n <= INTERVALS_AT_ONCE:
+            terms = function(*self.motion)
+            return self.rows(terms, low, high), self.at_ends(terms[2])
+        count = len(low)
+        rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+        constants = np.empty((n, 2, count))
+        for group in split_evenly(n, -(-n // INTERVALS_AT_ONCE)):
+            # The rise in an interval depends on the samples of both neighbours.
+            first = max(group.start - 1, 0)
+            last = min(group.stop + 1, n)
+            part = SampledJointPath(self.grid.part(first, last), self.jumps)
+            terms = function(*part.motion)
+            found = part.rows(terms, low, high)
+            inner = slice(group.start - first, group.stop - first)
+            rows.ends[group] = found.ends[inner]
+            rows.rise[group] = found.rise[inner]
+            constants[group] = part.at_ends(terms[2])[inner]
+        return rows, constants
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
         """Return the rows `low <= a u + b x + c <= high` from samples of a, b and c.
@@ -204,7 +229,7 @@ class SampledJointPath:
         n = len(self)
         count = terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
-        write_linear_rows(self.intervals, self.after, terms, (low, high), rows)
+        write_linear_rows(self.grid.s, self.grid.piece, self.after, terms, (low, high), rows)
         return rows
 
     def at_ends(self, values: FloatArray) -> FloatArray:

@@ -14,6 +14,9 @@ from armcontour.planning.tracing.stations import Stations, choose_stations
 
 # Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
+# Largest number of segments of a path whose samples are kept, because the samples of a long path
+# take much memory.
+LONGEST_KEPT = 20_000
 # Number of paths whose samples are kept. They are the contours that equally fast configurations, or
 # the places of a part, trace again.
 KEPT_PATHS = 16
@@ -69,15 +72,27 @@ class PathSamples:
         return subdivide(self.path, self.knots, self.poses)
 
 
-@lru_cache(maxsize=KEPT_PATHS)
 def sample_path(path: Path, span: float, finer: int = 1) -> PathSamples:
-    """Return the samples at the first knots of a path, from a cache.
+    """Return the samples at the first knots of a path, from a cache unless the path is long.
 
     Args:
         path: The path, with the orientation that the tool has.
         span: Span of the arm [m].
         finer: Factor by which the knot intervals are shorter than required.
     """
+    if len(path) > LONGEST_KEPT:
+        return _make_samples(path, span, finer)
+    return _kept_samples(path, span, finer)
+
+
+@lru_cache(maxsize=KEPT_PATHS)
+def _kept_samples(path: Path, span: float, finer: int) -> PathSamples:
+    """Return the samples of a path from the cache; arguments as of `sample_path`."""
+    return _make_samples(path, span, finer)
+
+
+def _make_samples(path: Path, span: float, finer: int) -> PathSamples:
+    """Make the samples of a path; arguments as of `sample_path`."""
     return PathSamples(path=path, knots=first_knots(path, span, finer))
 
 

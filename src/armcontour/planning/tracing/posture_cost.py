@@ -144,7 +144,7 @@ class PostureCost:
     def values(self, q: FloatArray) -> FloatArray:
         """Return the cost, (paths,), of joint paths with positions q [rad], (paths, n, dof)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
-        excess, _ = self._range_excess(q)
+        excess = self._range_excess(self._range_share(q))
         # NumPy sums pairwise, so rounding errors are small. Joint positions that differ by a free
         # rotation of the tool have equal cost, and rounding errors decide between them.
         total = (steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2))
@@ -152,14 +152,26 @@ class PostureCost:
             total += (excess**2).sum(axis=1)
         return np.asarray(total)
 
-    def _range_excess(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return excesses over the inner ranges and their derivatives, (paths, n, dof) each."""
-        share = (q - self.middle) / self.half
-        inner = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
-        outer = np.maximum(np.abs(share) - OUTER_RANGE, 0.0)
-        slope = np.where(inner > 0.0, 1.0, 0.0) + np.where(outer > 0.0, self.outer, 0.0)
-        excess = self.outside * (inner + self.outer * outer)
-        return excess, np.copysign(self.outside * slope / self.half, share)
+    def _range_share(self, q: FloatArray) -> FloatArray:
+        """Return positions in the joint ranges, from -1 to 1 in a range, (paths, n, dof)."""
+        return np.asarray((q - self.middle) / self.half)
+
+    def _range_excess(self, share: FloatArray) -> FloatArray:
+        """Return the excesses over the inner ranges, (paths, n, dof).
+
+        - `share`: positions in the joint ranges, as from `_range_share`.
+        """
+        size = np.abs(share)
+        inner = np.maximum(size - INNER_RANGE, 0.0)
+        outer = np.maximum(size - OUTER_RANGE, 0.0)
+        return np.asarray(self.outside * (inner + self.outer * outer))
+
+    def _range_slope(self, share: FloatArray) -> FloatArray:
+        """Return the derivatives of `_range_excess` by the joint positions, (paths, n, dof)."""
+        size = np.abs(share)
+        inner = np.where(size > INNER_RANGE, 1.0, 0.0)
+        outer = np.where(size > OUTER_RANGE, self.outer, 0.0)
+        return np.copysign(self.outside * (inner + outer) / self.half, share)
 
     def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""
@@ -249,8 +261,9 @@ class PostureCost:
         - `w`: null-space bases, (paths, n, free, dof).
         """
         count, n, free, _ = w.shape
-        excess, slope = self._range_excess(q)
-        gradient = slope * excess
+        share = self._range_share(q)
+        slope = self._range_slope(share)
+        gradient = slope * self._range_excess(share)
         weight = slope**2
         ahead = self.weights**2
         pull = ahead * (q[:, 1:] - q[:, :-1])

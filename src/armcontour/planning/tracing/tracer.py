@@ -240,6 +240,8 @@ def refine(solver: Solver[Arm], knots: Knots, guess: FloatArray | None = None) -
     - `guess`: as in `first_ends`.
     """
     start, end = solver.first_ends(knots, guess)
+    # The guess of a long path takes much memory, and is not needed any more.
+    del guess
     settled = np.zeros(len(knots), dtype=bool)
     while True:
         start, end = solver.continuous(start, end)
@@ -835,6 +837,9 @@ def _trace_exactly(
     samples = sample_path(turned, arm.span, FINER if task < moving.dof else 1)
     with numbered_as(arm):
         solutions = find_solutions(samples, moving, task, seed)
+    if task == moving.dof:
+        # Without a guide only the knots are needed, so the poses of a long path can be released.
+        samples = PathSamples(path=turned, knots=samples.knots)
     tries = []
     for x in solutions:
         trace_near = partial(_refine_in_cone, path, arm, samples, x.q, tolerance)
