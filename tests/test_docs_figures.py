@@ -92,23 +92,25 @@ def test_learning_figures_in_readme_equal_output_of_example():
     assert stated.groups() == (first, third)
 
 
-def test_readme_states_error_of_its_example_without_compensation():
+def test_the_table_of_unknown_gains_in_the_readme_is_computed_again():
     text = page("README.md")
     names = {}
     exec(text.split("```python\n")[1].split("```")[0], names)
-    plain = ac.compensate(names["planned"], names["assumed"], ac.NoCompensation(), cycle=CYCLE)
-    error = ac.evaluate(ac.simulate(plain, names["robot"]), names["rounded"]).contour_error
-    printed = re.search(r"Without compensation: ([\d.]+) mm RMS, ([\d.]+) mm at most", text)
-    is_printed([error.rms * 1e3, error.max * 1e3], printed.groups())
-    planned, compensated = (x for x in text.splitlines() if re.search(r"mm \| .* mm \|", x))
-    assert numbers(planned) == list(printed.groups())
-    is_printed([names["error"].rms * 1e3, names["error"].max * 1e3], numbers(compensated))
-    assumed = names["assumed"]
-    robot = names["robot"].servo
-    ratios = [robot.kp / assumed.kp, robot.kv / assumed.kv]
-    deviations = [100 * abs(x - 1) for x in ratios]
-    for stated in re.findall(r"gains differ by (\d+) and (\d+) %", " ".join(text.split())):
-        is_printed(deviations, stated)
+    sign = np.sign(names["off"])
+    assert set(np.abs(names["off"])) == {0.01}
+    rows = [x for x in text.splitlines() if re.search(r"feed-forward.*mm \|.*mm \|", x)]
+    assert len(rows) == 5
+    for row in rows:
+        servo, differ, *printed = row.strip("| ").split(" | ")
+        feedforward = float(numbers(servo)[0]) / 100 if numbers(servo) else 0.0
+        share = float(numbers(differ)[0]) / 100
+        assumed = ac.ServoModel(kp=25, kv=150, velocity_feedforward=feedforward)
+        gains = {"kp": 25 * (1 + share * sign), "kv": 150 * (1 - share * sign)}
+        robot = ac.ServoPlant(names["arm"], assumed.replace(**gains))
+        for method, cell in zip((ac.NoCompensation(), ac.Inverse()), printed, strict=True):
+            set_points = ac.compensate(names["planned"], assumed, method, cycle=CYCLE)
+            error = ac.evaluate(ac.simulate(set_points, robot), names["rounded"]).contour_error
+            is_printed([error.rms * 1e3, error.max * 1e3], numbers(cell))
 
 
 @needs_dynamics

@@ -26,6 +26,8 @@ def agree(studio, judgement):
     error = judgement.judged.contour_error
     assert studio.figure("duration") == pytest.approx(judgement.trajectory.duration, abs=EXACT)
     assert studio.figure("contour_error.rms") == pytest.approx(error.rms, abs=EXACT)
+    other_robot = judgement.unknown_gains.max
+    assert studio.figure("unknown_gains.max") == pytest.approx(other_robot, abs=EXACT)
     deviation = judgement.verdict.off_drawing
     assert studio.figure("off_drawing") == pytest.approx(deviation, abs=EXACT)
 

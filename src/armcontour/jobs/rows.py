@@ -145,6 +145,12 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
         value = max(result.expected.contours)
         label = "contour error expected, largest"
         yield Row("expected.max", value, "m", label, note, VERDICT)
+    if (gains := result.unknown_gains) is not None:
+        label = f"contour error, gains {number(gains.share, '1')} off"
+        note = "estimate for the worst such robot"
+        if gains.saturates:
+            note = "worst robot found; joints saturate"
+        yield Row("unknown_gains.max", gains.max, "m", label, note)
     yield duration_row(result.trajectory.duration, VERDICT)
     speed_factor = result.trajectory.speed_factor
     if speed_factor != 1.0:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 
+import numpy as np
+
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
-from armcontour.core.checks import comparable
+from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -26,6 +28,11 @@ from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
 from armcontour.simulation.mujoco_model import import_mujoco
 from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
+from armcontour.verification.unknown_gains import (
+    UNKNOWN_SHARE,
+    UnknownGains,
+    worst_with_other_gains,
+)
 
 STEPS = (ROUNDING_STEP, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 EXPERIMENT = "experiment"
@@ -131,6 +138,10 @@ def _simulate(
     progress(Step(("evaluation",)))
     evaluation = evaluate_run(run, executed, path, objective, progress)
     expected = expect_errors(job, run, executed, path, evaluation)
+    unknown_gains = None
+    # The logs of an identified servo tell how much the robot differs.
+    if expected is None and not run.for_bodies:
+        unknown_gains = estimate_unknown_gains(job, run, executed, path, evaluation)
     explanation = planned.explanation or explain_plan(job, planned.trajectory, progress)
     progress(Step(("clearance",)))
     result = replace(
@@ -138,6 +149,7 @@ def _simulate(
         execution=executed,
         evaluation=evaluation,
         expected=expected,
+        unknown_gains=unknown_gains,
         executed_clearance=_executed_clearance(job, planned, executed),
         explanation=explanation,
     )
@@ -223,6 +235,42 @@ def expect_errors(
     pairs = zip(uncompensated.contours, static.contours, strict=True)
     contours = tuple(min(math.hypot(program_ratio * x.max, y.max), worst) for x, y in pairs)
     return ExpectedErrors(contours=contours, worst=worst)
+
+
+def estimate_unknown_gains(
+    job: Job, run: Run, executed: Execution, path: Program, evaluation: Evaluation
+) -> UnknownGains | None:
+    """Estimate the contour error if the gains of the joints differ; None for joints without gains.
+
+    `executed`, `evaluation`: simulation with the servo model of the job, and its evaluation.
+    """
+    servo = job.plant_servo
+    set_points = executed.set_points
+    gains = {
+        name: values
+        for name, values in (("kp", servo.kp), ("kv", servo.kv))
+        if values is not None and np.isfinite(values).any()
+    }
+    if servo.order == "unknown" or not gains:
+        return None
+
+    def execute(changed: Mapping[str, FloatArray]) -> Execution:
+        """Simulate a robot with other gains."""
+        plant = ServoPlant(job.arm, servo.replace(**changed))
+        # Times between set-points add little to an estimate.
+        return simulate(set_points, plant, resolution=set_points.cycle)
+
+    others = [execute({name: (1.0 + UNKNOWN_SHARE) * x}) for name, x in gains.items()]
+    found = worst_with_other_gains(executed, others, evaluation.contour_error)
+    if not found.saturates:
+        return found
+    for signs in (found.signs, -found.signs):
+        pairs = zip(gains.items(), signs, strict=True)
+        robot = execute({name: (1.0 + UNKNOWN_SHARE * sign) * x for (name, x), sign in pairs})
+        error = evaluate(robot, path, end_time=run.end_time).contour_error
+        if error.max > found.max:
+            found = replace(found, max=error.max, t_max=error.t_max)
+    return found
 
 
 def _simulate_uncompensated(

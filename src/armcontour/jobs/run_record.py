@@ -41,6 +41,7 @@ from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
+from armcontour.verification.unknown_gains import UnknownGains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +163,7 @@ class RunRecord:
     execution: Execution | None = None
     evaluation: Evaluation | None = None
     expected: ExpectedErrors | None = None
+    unknown_gains: UnknownGains | None = None
     executed_clearance: Clearance | None = None
     experiment: ExperimentResult | None = None
     failure: ExecutionError | None = None

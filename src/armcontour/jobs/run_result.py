@@ -38,6 +38,8 @@ class RunResult(RunRecord, Result):
         execution: The executed motion; None without a simulation.
         evaluation: Errors of the executed motion; None without a simulation.
         expected: Errors to expect of the robot, if its servo was identified from logs.
+        unknown_gains: Estimated contour error of the worst robot whose gains differ by 1 %; None
+            with `expected`, for joints without gains, and without a simulation that judges.
         executed_clearance: Clearance of the arm from itself and its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.

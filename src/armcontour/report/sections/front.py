@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour.core.render import compare, figure
+from armcontour.core.render import compare, figure, number
 from armcontour.core.result import VERDICT, Data
 from armcontour.core.text import capitalise, count_noun, list_some
 from armcontour.jobs import JobResult, RunResult, warnings_of
@@ -93,9 +93,18 @@ def _assumed(job_result: JobResult) -> str:
     if servo.order == "unknown":
         return "Errors are deviations of the executed tool position from the path."
     described = servo.describe(job_result.job.arm.chain.prismatic)
+    estimates = [x.unknown_gains for x in job_result.runs.values() if x.unknown_gains is not None]
+    largest = max(estimates, key=lambda x: x.max, default=None)
+    how_large = ""
+    if largest is not None:
+        bound = "at least" if largest.saturates else "up to"
+        how_large = (
+            f": {bound} {number(largest.max, 'm')} if those of each joint differ by "
+            f"{number(largest.share, '1')} (estimate)"
+        )
     return (
-        f"The servos are simulated with {described} and with their acceleration limits. Errors are "
-        "larger on a robot with other gains."
+        f"The servos are simulated with {described} and with their acceleration limits. Contour "
+        f"errors are larger on a robot with other gains{how_large}."
     )
 
 

@@ -21,7 +21,7 @@ const OPTIMAL = "optimal";
 /** A limit with a smaller share of the time has no name next to the bar [%]. */
 const LEAST = 1;
 /** Figures in display order; the duration of a run is between them. */
-const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["obstacle", "own_links", "clearance.low", "contour_error.rms", "saturated"]];
+const [FIRST, LAST] = [["kept", "off_drawing", "duration"], ["obstacle", "own_links", "clearance.low", "unknown_gains.max", "contour_error.rms", "saturated"]];
 /** Names of figures that are shown before their values are known, or for a refused job. @type {Record<string, string>} */
 const NAMES = { kept: "verdict", duration: "motion" };
 /** For each figure, whether a value is an alarm. @type {Record<string, (value: any) => boolean>} */
