@@ -78,6 +78,8 @@ INNER = {
     *("set_points", "settling", "Limits.of_chain"),
     # Runs add their motions to the formats that write them.
     "with_motions",
+    # Clearance checks call shapes with unit vectors.
+    "farthest",
     # Tracing holds joints, and changes their weights.
     *("hold_still", "holding", "weighting", "seen_from"),
     *(

@@ -216,8 +216,8 @@ def plain(data: Data) -> dict[str, Any]:
     cut = {x.name: len(x.rows) - MAX_LISTED for x in data.tables if len(x.rows) > MAX_LISTED}
     if cut:
         figures["left_out"] = cut
-    page = figures | {key: plain(part) for key, part in data.parts.items()}
-    return {key: jsonable(value) for key, value in page.items()}
+    page = {key: jsonable(value) for key, value in figures.items()}
+    return page | {key: plain(part) for key, part in data.parts.items()}
 
 
 def jsonable(value: Any) -> Any:

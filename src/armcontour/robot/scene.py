@@ -19,6 +19,8 @@ from armcontour.core.quantities import Axes, Choice, Distance, Length, Name, Qua
 # Allowed largest sizes of meshes [m]. A mesh outside this range was probably read in another unit.
 SMALLEST = 1e-3
 LARGEST = 20.0
+# Number of heights of a mesh's corners that are computed at once, which limits the memory.
+HEIGHTS_AT_ONCE = 1 << 18
 # Radius of the capsule that replaces a tool without shapes [m].
 ASSUMED_RADIUS = 0.01
 # Distance from the end of this capsule to the tool point [m].
@@ -45,6 +47,17 @@ class Shape(Checked, ABC, metaclass=ExplainedABC):
     def ball(self) -> tuple[FloatArray, float]:
         """Centre [m], (3,), and radius [m] of a bounding ball."""
 
+    @abstractmethod
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the farthest point of the shape along each direction [m], (n, 3).
+
+        Args:
+            directions: Unit vectors, (n, 3).
+
+        Raises:
+            InvalidInput: The shape is unbounded.
+        """
+
 
 @declared(eq=False)
 class Sphere(Shape):
@@ -60,6 +73,14 @@ class Sphere(Shape):
     def ball(self) -> tuple[FloatArray, float]:
         """Centre [m], (3,), and radius [m] of the ball itself."""
         return np.zeros(3), self.radius
+
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the point of the surface along each direction [m], (n, 3).
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        return self.radius * directions
 
 
 @declared(eq=False)
@@ -79,6 +100,16 @@ class Capsule(Shape):
         """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), self.length / 2 + self.radius
 
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the point of an end's ball along each direction [m], (n, 3).
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        points = self.radius * directions
+        points[:, 2] += np.copysign(self.length / 2, directions[:, 2])
+        return points
+
 
 @declared(eq=False)
 class Cylinder(Shape):
@@ -97,6 +128,21 @@ class Cylinder(Shape):
         """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
 
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the point of an end's rim along each direction [m], (n, 3).
+
+        All points of an end are farthest along the axis; then the point is its centre.
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        across = np.hypot(directions[:, 0], directions[:, 1])
+        points = np.zeros_like(directions)
+        tilted = across > 0
+        points[tilted, :2] = self.radius * directions[tilted, :2] / across[tilted, None]
+        points[:, 2] = np.copysign(self.length / 2, directions[:, 2])
+        return points
+
 
 @declared(eq=False)
 class Box(Shape):
@@ -113,6 +159,14 @@ class Box(Shape):
         """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), float(np.linalg.norm(self.size) / 2)
 
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the corner that is farthest along each direction [m], (n, 3).
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        return np.copysign(self.size / 2, directions)
+
 
 @declared(eq=False)
 class HalfSpace(Shape):
@@ -122,6 +176,14 @@ class HalfSpace(Shape):
     def ball(self) -> tuple[FloatArray, float]:
         """The origin, and an infinite radius, because a half-space is unbounded."""
         return np.zeros(3), np.inf
+
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Refuse, because a half-space is unbounded.
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        raise InvalidInput("A half-space has no farthest points, because it is unbounded.")
 
 
 @declared(eq=False, weakref_slot=True)
@@ -181,6 +243,19 @@ class Mesh(Shape):
         """Centre [m], (3,), and radius [m] of a bounding ball."""
         middle = (self.points.max(axis=0) + self.points.min(axis=0)) / 2
         return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
+
+    def farthest(self, directions: FloatArray) -> FloatArray:
+        """Return the corner that is farthest along each direction [m], (n, 3).
+
+        Args:
+            directions: Unit vectors, (n, 3).
+        """
+        corners = np.empty(len(directions), dtype=np.intp)
+        at_once = max(1, HEIGHTS_AT_ONCE // len(self.points))
+        for start in range(0, len(directions), at_once):
+            heights = directions[start : start + at_once] @ self.points.T
+            corners[start : start + at_once] = heights.argmax(axis=1)
+        return self.points[corners]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -33,6 +33,7 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
+from armcontour.verification.clearance.flat_faces import face_distances
 
 # Kind of the pairs of an obstacle with a link or with another obstacle.
 ENVIRONMENT = "environment"
@@ -52,6 +53,9 @@ UNCERTAINTY = 2e-6
 REASON = "touching with all joints at 0, and in every other posture that was tried"
 # Number of sampled postures in addition to the posture with all joints at 0.
 POSTURES = 15
+# Distances from flat faces are computed in closed form for at least this number of places of a
+# pair. The library is faster for fewer places.
+PLACES_OF_PAIR = 16
 # Cache of the library objects of meshes, because computing a hull takes milliseconds.
 MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
@@ -337,6 +341,7 @@ class Distances:
             first = pair.first.exact or pair.first.shape
             second = pair.second.exact or pair.second.shape
             self._exact.append(None if _hulls_decide(pair) else (convert(first), convert(second)))
+        self._faces = [face_distances(x.first.shape, x.second.shape) for x in pairs]
         self._ends = np.array(
             [(places[id(x.first)], places[id(x.second)]) for x in pairs], dtype=np.intp
         ).reshape(-1, 2)
@@ -352,13 +357,34 @@ class Distances:
         - `pair`: index of its pair, (m,).
         """
         rotations, positions = self._relative(q, state, pair)
-        distances = []
+        distances = self._from_faces(rotations, positions, pair)
         placement = self._coal.Transform3s()
         result = self._coal.DistanceResult()
-        for k, rotation, position in zip(pair.tolist(), rotations, positions, strict=True):
-            placement.setTransform(rotation, position)
-            distances.append(self._distance(k, placement, result))
-        return np.array(distances)
+        for i in np.flatnonzero(np.isnan(distances)).tolist():
+            placement.setTransform(rotations[i], positions[i])
+            distances[i] = self._distance(int(pair[i]), placement, result)
+        return distances
+
+    def _from_faces(
+        self, rotations: FloatArray, positions: FloatArray, pair: IntArray
+    ) -> FloatArray:
+        """Return the distances from flat faces [m], (m,); NaN where the library must measure.
+
+        - `rotations`, `positions`: as `_relative` returns them.
+        - `pair`: indices of the pairs, (m,).
+        """
+        distances = np.full(len(pair), np.nan)
+        counts = np.bincount(pair, minlength=len(self._pairs))
+        for k in np.flatnonzero(counts >= PLACES_OF_PAIR).tolist():
+            faces = self._faces[k]
+            if faces is not None:
+                rows = np.flatnonzero(pair == k)
+                measured = faces.measure(rotations[rows], positions[rows])
+                if self._exact[k] is not None:
+                    # Hulls that are too near do not decide.
+                    measured[measured < self._pairs[k].margin + UNCERTAINTY] = np.nan
+                distances[rows] = measured
+        return distances
 
     def points(self, q: FloatArray) -> FloatArray:
         """Return the two nearest points of every pair, in the work frame [m], (pairs, 2, 3).

@@ -24,6 +24,8 @@ from armcontour.motion.derivative_bounds import (
     largest_accelerations,
     travel_in_parts,
 )
+from armcontour.motion.joined_laws import JoinedLaws
+from armcontour.motion.laws import PathLaw
 from armcontour.robot import Arm
 from armcontour.robot.scene import LeftOut, Scene
 from armcontour.verification.clearance.body_pairs import (
@@ -431,6 +433,8 @@ class _ClearanceSearch:
             # Between samples the joints deviate from straight lines.
             steps = np.diff(motion.t).max() if len(motion.t) > 1 else 0.0
             self._blur = self._radii @ (largest_accelerations(motion) * steps**2 / 8)
+        # Laws of the part of the motion whose distances are bounded.
+        self._laws: _JoinedPart | None = None
         n = len(pairs)
         # Per pair: lower bound of the distance [m], smallest computed distance [m], and its time
         # [s].
@@ -446,7 +450,9 @@ class _ClearanceSearch:
     def run(self) -> bool:
         """Subdivide time windows until all are decided; True if all margins are satisfied."""
         for t, travel in travel_in_parts(self._motion, BREAKS_AT_ONCE):
+            self._laws = _JoinedPart.of(self._motion, t)
             self._bound_distances(t, travel)
+            self._laws = None
             if self._resolution == np.inf and self.first_violation < np.inf:
                 return False
         return bool((self._low >= self._margins).all())
@@ -615,12 +621,44 @@ class _ClearanceSearch:
 
     def _positions(self, t: FloatArray) -> FloatArray:
         """Return the joint positions at times [rad], (n, dof)."""
+        if self._laws is not None:
+            return self._laws.positions(t)
         if isinstance(self._motion, Trajectory):
             return self._motion(np.clip(t, 0.0, self._motion.duration))
         if isinstance(self._motion, JointPath):
             return self._motion(t)
         executed = self._motion
         return interpolate(t, executed.t, executed.q)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _JoinedPart:
+    """The laws of a part of a trajectory, joined once for all evaluations in this part."""
+
+    # Start times of the laws [s], (laws,).
+    starts: FloatArray
+    joined: JoinedLaws
+
+    @classmethod
+    def of(cls, motion: Motion, t: FloatArray) -> _JoinedPart | None:
+        """Join the laws between the first and the last of times [s]; None if they cannot be.
+
+        Only path laws can be joined, and a single law needs no joining.
+        """
+        if not isinstance(motion, Trajectory):
+            return None
+        first, last = np.searchsorted(motion.starts, [t[0], t[-1]], side="right") - 1
+        chosen = slice(int(first), int(last) + 1)
+        laws = [x for x in motion.laws[chosen] if type(x) is PathLaw]
+        if len(laws) < max(2, len(motion.laws[chosen])):
+            return None
+        starts = motion.starts[:-1][chosen]
+        return cls(starts=starts, joined=JoinedLaws.join(laws, starts))
+
+    def positions(self, t: FloatArray) -> FloatArray:
+        """Return the joint positions at times in the part [rad], (n, dof)."""
+        law = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, None)
+        return self.joined.motion(law, t, "right", (0,))[0]
 
 
 def _piece_ends(
