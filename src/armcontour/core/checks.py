@@ -40,7 +40,6 @@ LONGEST_NAME = 80
 FloatArray = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
 IntArray = np.ndarray[tuple[Any, ...], np.dtype[np.intp]]
 BoolArray = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
-ByteArray = np.ndarray[tuple[Any, ...], np.dtype[np.uint8]]
 ObjectArray = np.ndarray[tuple[Any, ...], np.dtype[np.object_]]
 # Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
 # the twenty-fifth are finite, so products of squares and cubes do not overflow.

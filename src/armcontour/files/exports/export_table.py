@@ -20,7 +20,6 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.pool import split_evenly
 from armcontour.core.quantities import AtLeast, Axes, Interval, Quantity, joint_units
 from armcontour.core.render import number
-from armcontour.files.exports.number_text import RowForm
 from armcontour.motion import (
     DEFAULT_CYCLE,
     LONGEST_CLOCK,
@@ -66,9 +65,6 @@ MICRO = 6
 NANO = 9
 # Number of values per formatting step; larger blocks need more memory and are not faster.
 FORMAT_BLOCK = 1 << 16
-# Number of values from which rows are formatted by a compiled function, whose loading takes as long
-# as formatting this many values by Python.
-COMPILED_FROM = 1 << 18
 # Largest number of samples whose torques are computed at once, which limits the memory.
 SAMPLES_AT_ONCE = 50_000
 # Units of the quantities of revolute joints.
@@ -491,23 +487,12 @@ def format_rows(
     row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
 ) -> Iterator[str]:
     """Yield rows as text in blocks; `row` is the % format, and `lines` has exceptions by row."""
-    count = len(columns[0])
-    form = RowForm(row)
-    at_once = max(1, FORMAT_BLOCK // max(1, form.numbers))
-    is_long = count * form.numbers >= COMPILED_FROM
-    write = form.write_compiled if is_long else form.write
-    begin = 0
-    for k in [*sorted(lines or ()), count]:
-        for i in range(begin, k, at_once):
-            yield write(_join_columns(columns, i, min(i + at_once, k)))
-        if lines is not None and k < count:
-            yield RowForm(lines[k]).write(_join_columns(columns, k, k + 1))
-        begin = k + 1
-
-
-def _join_columns(columns: Sequence[FloatArray], begin: int, end: int) -> FloatArray:
-    """Return the rows from `begin` to before `end` of columns, (rows, numbers per row)."""
-    return np.column_stack([x[begin:end] for x in columns])
+    at_once = max(1, FORMAT_BLOCK // max(1, row.count("%")))
+    for i in range(0, len(columns[0]), at_once):
+        values = np.column_stack([x[i : i + at_once] for x in columns])
+        rows = range(i, i + len(values))
+        form = "".join(lines.get(k, row) for k in rows) if lines else row * len(values)
+        yield form % tuple(values.ravel().tolist())
 
 
 def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
