@@ -390,6 +390,27 @@ def test_no_contour_of_another_job_is_selected(studio, folder):
     studio.rest()
 
 
+def test_a_pierce_after_a_lead_in_is_planned_and_both_are_added_by_one_click(studio):
+    studio.find("ol.contours button").first.click()
+    section = studio.find("section[aria-label='Selected contour']")
+    for name in ("lead in", "pierce"):
+        with studio.changing():
+            section.get_by_role("button", name=f"Add {name}").click()
+    assert studio.find("#messages .refusal").is_hidden()
+    (own,) = data_of(studio)["path"]["contours"].values()
+    assert own["lead_in"]["active"] is True and own["lead_in"]["shape"] == "arc"
+    assert own["pierce"]["time"] == "0.5 s"
+
+
+def test_the_search_of_settings_ends_when_another_job_is_opened(studio, folder):
+    search(studio, "tilt")
+    (folder / "other.yaml").write_text(JOB)
+    studio.open(folder / "other.yaml")
+    expect(studio.find("#panel .seek input")).to_have_value("")
+    studio.open(folder / "job.yaml")
+    studio.rest()
+
+
 def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):
     studio.find("ol.contours button").first.click()
     section = studio.find("section[aria-label='Selected contour']")

@@ -99,7 +99,7 @@ def test_invalid_messages_are_answered_with_a_sentence(session, capsys):
 def test_an_uploaded_drawing_or_job_replaces_the_document(session, tab):
     session.open_upload("part.csv", CSV, None)
     assert tab.last("document")["path"]["kind"] == "file"
-    assert "picture" in kinds(tab.frames[-2:]) and not list(session.editor.folder.glob("*.csv"))
+    assert "picture" in kinds(tab.frames[-3:]) and not list(session.editor.folder.glob("*.csv"))
     tab.say("undo")
     assert session.editor.document.text == JOB
     (session.editor.folder / "part.csv").write_bytes(CSV)
@@ -174,6 +174,16 @@ def test_each_offered_change_leads_to_a_plan_or_the_next_refusal(file, old, new,
         session.close()
 
     try_all([], steps)
+
+
+def test_a_drawing_out_of_reach_that_replaces_another_is_shown_with_the_arm(session, tab):
+    before = len(tab.frames)
+    session.open_upload("far.csv", CSV.replace(b"300,", b"3000,"), None)
+    frames = tab.frames[before:]
+    assert {"document", "arm", "picture", "refusal"} <= set(kinds(frames))
+    (outline,) = (x for x in frames if x.kind == "picture")
+    assert outline.header["tier"] == "outline" and len(outline.header["contours"]) == 1
+    assert tab.last("refusal")["at"]["uv"]
 
 
 def test_page_opened_after_refusal_shows_outline_and_refusal(session, tab):

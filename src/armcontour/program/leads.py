@@ -84,7 +84,7 @@ class LeadPlacement:
         is_waste_arc = lead.shape == "arc" and lead.side == WASTE and self._cut[number]
         weaves = self._process.of_contour(contour).weave is not None
         cuts = self._cuts_on_line(contour, lead) and self._cut[number]
-        must_fit = (is_waste_arc or cuts) and not weaves and self._has_area(contour)
+        must_fit = ((is_waste_arc and not weaves) or cuts) and self._has_area(contour)
         if not must_fit or self._fits_in_waste(full_lead, after):
             return full_lead
         if cuts and _lies_on(full_lead, contour.path):

@@ -386,6 +386,7 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     contours = np.searchsorted(planned.path.breaks[1:-1], s, side="right").tolist()
     return [
         {"s": x.s, "t": t, "uv": uv, "contour": contour, "kind": x.kind}
+        | {"reason": x.reason, "share": x.speed / x.assigned}
         | {"sentence": f"{x.reason}: {number(x.speed, 'm/s')} of {number(x.assigned, 'm/s')}"}
         for x, t, uv, contour in zip(chosen, times, uv_points, contours, strict=True)
     ]

@@ -89,6 +89,8 @@ class Session:
         self._results = TaskResults(self.send)
         self._certified = CertifiedPlans()
         self._progress = progress
+        # Identity of the document and drawing whose plan was requested last
+        self._shown_id = ""
         self._model_reader = ModelReader(self._take_model)
         # Frame and source of the model that is shown.
         self._model_frame: MessageFrame | None = None
@@ -479,6 +481,10 @@ class Session:
             self.send(drawing_frame(None, view, run=editor.run))
             self.send(arm_frame(handles.job))
             return
+        if editor.id != self._shown_id:
+            # A page forgets arm and path when the drawing is replaced, even within the same job.
+            self._shown_id = editor.id
+            self.scheduler.show_again()
         self.scheduler.show(
             DocumentState(
                 data=revision.data,

@@ -171,7 +171,7 @@ class PostureCost:
         size = np.abs(share)
         inner = np.where(size > INNER_RANGE, 1.0, 0.0)
         outer = np.where(size > OUTER_RANGE, self.outer, 0.0)
-        return np.copysign(self.outside * (inner + outer) / self.half, share)
+        return np.asarray(np.copysign(self.outside * (inner + outer) / self.half, share))
 
     def _excesses(self, q: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield excesses, (paths, n), and their derivatives by the joints, (paths, n, dof)."""

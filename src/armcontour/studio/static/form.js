@@ -90,8 +90,8 @@ const USUAL = {
 };
 /** Parts that need an output which is switched, and its usual name. */
 const [SWITCHED, OUTPUT] = [new Set(["tabs", "pierce"]), "torch"];
-/** Key of a lead along which the process is on. */
-const ACTIVE = "active";
+/** Key of a lead along which the process is on, and its shape: a straight one would cut into the part. */
+const [ACTIVE, ARC] = ["active", "arc"];
 /** Key of all contours. */
 const OF_CONTOURS = "path.contours.";
 /** A number with a decimal comma, and its unit. */
@@ -449,7 +449,7 @@ function appliedAt(outer, name) {
 
 /**
  * Return the usual values of a part of the process, and the edits that it needs as well: tabs and a pierce need an output,
- * and after a pierce, the process is on along the lead-in. `said` names them.
+ * and after a pierce, the process is on along the lead-in, which is an arc in the waste then. `said` names them.
  * @param {Key} at @param {string} name @returns {{values: Record<string, any>, more: object[], said: string[]}}
  */
 function usualOf(at, name) {
@@ -462,11 +462,12 @@ function usualOf(at, name) {
   }
   const lead = appliedAt(outer, "lead_in");
   if (name === "pierce" && lead && !lead[ACTIVE]) {
-    more.push({ do: "set", key: [...outer, "lead_in"], value: { ...lead, [ACTIVE]: true } });
-    said.push("lead-in with the process on");
+    more.push({ do: "set", key: [...outer, "lead_in"], value: { ...lead, [ACTIVE]: true, shape: ARC } });
+    said.push("arc as lead-in with the process on");
   }
   if (name === "lead_in" && appliedAt(outer, "pierce")) {
     values[ACTIVE] = true;
+    values.shape = ARC;
     said.push("with the process on");
   }
   return { values, more, said };
@@ -688,7 +689,7 @@ export async function init(store, to) {
     }
     head.value = frame.head;
   });
-  store.on("reset", () => ([waiting.value, passing.value] = [[], null]));
+  store.on("reset", () => ([waiting.value, passing.value, wanted.value] = [[], null, ""]));
   form = await known;
   for (const event of ["view", "picture"])
     store.on(event, () => {

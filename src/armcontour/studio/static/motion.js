@@ -53,8 +53,9 @@ export function comparedExecution(store) {
  * @param {Store} store @returns {number | undefined}
  */
 export function worstTime(store) {
-  const executed = store.latest("executed");
-  return store.isCurrent(executed) ? executed?.head.off_t : undefined;
+  // The execution of a long motion is not drawn, but its exact figures are known.
+  const known = [store.latest("executed"), store.latest("figures")].find((x) => store.isCurrent(x));
+  return known?.head.off_t ?? undefined;
 }
 
 /** Return whether the tool is on a contour at a time; between contours, no deviation is known. @param {Frame} executed @param {number} t s */

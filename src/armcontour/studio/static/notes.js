@@ -13,6 +13,25 @@ import { html, render } from "./vendor/preact.js";
 /** A titled list of sentences; nothing if it is empty. @param {{title: string, sentences: any[]}} props */
 const Sentences = ({ title, sentences }) => html`${sentences.length > 0 && html`<section><h2>${title}</h2><ul>${sentences.map((text) => html`<li>${typeof text === "string" ? shownText(text) : text}</li>`)}</ul></section>`}`;
 
+/**
+ * Return the slowest place of each contour and limit, and at how many places this limit makes the contour slow.
+ * @param {any[]} places @returns {{place: any, count: number}[]}
+ */
+function slowestOf(places) {
+  /** @type {Map<string, {place: any, count: number}>} */
+  const groups = new Map();
+  for (const place of places) {
+    const key = JSON.stringify([place.contour, place.reason]);
+    const known = groups.get(key);
+    if (!known) groups.set(key, { place, count: 1 });
+    else {
+      known.count += 1;
+      if (place.share < known.place.share) known.place = place;
+    }
+  }
+  return [...groups.values()];
+}
+
 /** @param {Store} store */
 export function init(store) {
   const region = find("#tab-notes");
@@ -28,8 +47,10 @@ export function init(store) {
     if (region.hidden) return;
     // The panel has room for the limit, its time and its share.
     const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3).map(shownText));
-    const slow = (picture.shortfalls ?? []).map((/** @type {any} */ { contour, t, sentence }) =>
-      html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}`);
+    const slow = slowestOf(picture.shortfalls ?? []).map(({ place: { contour, t, sentence }, count }) => {
+      const others = count > 1 ? `, and at ${count - 1} more ${count > 2 ? "places" : "place"}` : "";
+      return html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}${others}`;
+    });
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />
         ${shares.length > 0 && html`<section><h2>Time by limit</h2><table><${Tabular} columns=${head} rows=${shares} /></table></section>`}

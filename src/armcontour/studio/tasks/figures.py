@@ -87,6 +87,7 @@ def exact_figures(request: Request, result: RunResult) -> dict[str, Any]:
         "run": result.run.name,
         "tier": Tier.EXACT,
         "rows": frame(data),
+        "off_t": _worst_time(result),
         "obstacle_t": obstacle and obstacle.t,
         "own_links_t": own and own.t,
         "margins": _margins(result, obstacle, own),
@@ -110,6 +111,13 @@ def compare(request: Request) -> MessageFrame:
         except ArmContourError as error:
             rows.append({"run": name, "sentence": str(error)})
     return MessageFrame("result", {"runs": rows})
+
+
+def _worst_time(result: RunResult) -> float | None:
+    """Return the time of the largest distance from the drawing [s]; None without an execution."""
+    if result.judged is None or not result.judged.drawing_errors:
+        return None
+    return max(result.judged.drawing_errors, key=lambda x: x.max).t_max
 
 
 def _margins(
