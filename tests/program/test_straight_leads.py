@@ -7,7 +7,7 @@ from tests.geometry.tables import each
 import armcontour as ac
 from armcontour.files.job_file import parse_job
 from armcontour.jobs.run_job import run
-from armcontour.program import Contour, Lead, Pierce, Process, Program, Switch, prepare
+from armcontour.program import Contour, Lead, Pierce, Process, Program, Switch, Weave, prepare
 
 HOLE = ac.Path.circle((0.05, 0.03), 0.01)
 SLOT = ac.Path.polyline([(0.02, 0.02), (0.03, 0.02), (0.03, 0.04), (0.02, 0.04), (0.02, 0.02)])
@@ -31,6 +31,10 @@ def test_a_straight_lead_that_cuts_into_the_part_is_refused(path, leads, length)
     # A process that pierces cuts as well, also without a kerf.
     with pytest.raises(ac.InvalidInput, match="cut into the part"):
         prepared(path, Process(switch=BEAM, pierce=Pierce(0.1), begin="drawn", **lead))
+    # A weave of the contour changes nothing at its leads.
+    weave = Weave(width=1e-4, pitch=2e-3)
+    with pytest.raises(ac.InvalidInput, match="cut into the part"):
+        prepared(path, Process(kerf=2e-4, switch=BEAM, weave=weave, begin="drawn", **lead))
 
 
 @each("path", [HOLE, SLOT])
