@@ -314,7 +314,7 @@ def test_usual_values_of_leads_and_pierces_fit_together_and_are_named(studio):
                 adds[name].click()
             process = load(studio.text, "")["process"]
             assert ("torch" in said) == ("switch" in process and "switch" not in before)
-        assert process["lead_in"] == {"length": "3 mm", "active": True}
+        assert process["lead_in"] == {"length": "3 mm", "active": True, "shape": "arc"}
         assert process["pierce"] == {"time": "0.5 s"}
         assert "process on" in said
         expect(studio.find("#panel .refused")).to_have_count(0)

@@ -129,13 +129,16 @@ class JointPath(Checked):
         checks.raise_if(len(knots) < 2, "A joint path needs at least two breaks.")
         first = _check_ends("begin", begin, (len(knots) - 1, None))
         last = _check_ends("end", end, first[0].shape)
+        all_stops = checks.shaped("stops", stops, (None,), "m")
+        if tool_path is not None:
+            checks.check_type("tool_path", tool_path, Path)
         rounding = ARC_LENGTH_ROUNDING * float(np.abs(knots).max())
         # The coefficients become read-only without a copy, because a long path has many.
         joint_path = checks.make_unchecked(
             cls,
             breaks=checks.frozen_array(knots),
             coefficients=quintic(np.diff(knots), first, last, rounding),
-            stops=checks.frozen_array(stops, "stops", "m"),
+            stops=checks.frozen_array(all_stops),
             tool_path=tool_path,
         )
         joint_path._check_together()
@@ -282,6 +285,10 @@ def _check_ends(
     name: str, ends: tuple[FloatArray, FloatArray, FloatArray], shape: tuple[int | None, ...]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q, dq_ds and d2q_ds2 as arrays of the same shape, without a copy if possible."""
-    checks.raise_if(len(ends) != 3, f"{name} must be q, dq_ds and d2q_ds2.")
+    is_sequence = isinstance(ends, tuple | list) or np.ndim(ends) > 0
+    checks.raise_if(
+        not is_sequence or len(ends) != 3,
+        f"{name} must be three arrays of one shape (intervals, dof): q, dq_ds and d2q_ds2.",
+    )
     q = checks.shaped(name, ends[0], shape)
     return q, checks.shaped(name, ends[1], q.shape), checks.shaped(name, ends[2], q.shape)
