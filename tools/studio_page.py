@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # Timeout of the page [ms], on a shared machine.
 PATIENCE = 60_000
+# Waits until a page has drawn two frames.
+TWO_FRAMES = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/#[0-9a-f]{32}")
 # A square on a UR5e, whose joint torques are limits; its only run is `optimal`.
 SQUARE = """
@@ -206,15 +208,18 @@ class Studio:
 
         self.begin()
         try:
-            rev = ""
-            # Keys that were pressed before may still change the document.
-            while rev != self.told("body", "rev"):
+            # Keys that were pressed before may still change the document, and a view may be drawn
+            # one frame before the figures.
+            is_at_rest = False
+            while not is_at_rest:
                 rev = self.told("body", "rev")
-                self.wait_for(
-                    f'body:not([data-rev="{rev}"]), '
-                    f'body[data-busy=false]:has(#view2d[data-rev="{rev}"][data-stale=false])'
-                    ":has(#figures[data-exact=true])"
+                exact = (
+                    f'body[data-busy=false][data-rev="{rev}"]:has(#figures[data-exact=true])'
+                    f':has(#view2d[data-rev="{rev}"][data-stale=false])'
                 )
+                self.wait_for(f'body:not([data-rev="{rev}"]), {exact}')
+                self.page.evaluate(TWO_FRAMES)
+                is_at_rest = self.find(exact).count() == 1
         except LateError as error:
             selectors = ("body", "#view2d", "#figures")
             state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in selectors]

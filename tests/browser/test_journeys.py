@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import expect
+from tools.studio_page import TWO_FRAMES
 
 import armcontour as ac
 from armcontour.core.render import cells
@@ -18,7 +19,6 @@ pytestmark = pytest.mark.browser
 EXACT = 1e-9
 NUMBERS = re.compile(r"[-−+]?\d+(?:\.\d+)?")
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
-DRAWN = "() => new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))"
 
 
 def agree(studio, judgement):
@@ -178,7 +178,7 @@ def test_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
     before = agreed()
     # The pointer leaves the path, and nothing goes back.
     studio.page.mouse.move(5, 5)
-    studio.page.evaluate(DRAWN)
+    studio.page.evaluate(TWO_FRAMES)
     assert agreed() == before
     studio.find("#playback .scrub").press("ArrowRight")
     studio.wait_for(f"#playback:not([data-time='{before[0]}'])")
