@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.memory import content_key, is_remembering, remembered
@@ -804,11 +804,7 @@ def _order_on_parts(
     the shortest joint path first. The first one of equally fast configurations is used.
     """
     rough = limits.without_jerk
-    parts = min(max(len(path) // PART_EVERY, 1), MAX_COMPARED_PARTS)
-    length = path.length * min(PART_SEGMENTS / len(path), 1.0)
-    first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
-    last = np.append(s[first[:-1]] + length, path.length)
-    cuts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
+    first, parts = _cut_parts(path, s)
     # Lower bounds and durations of the parts with their ends, and durations without their ends [s]
     bounds = np.full(len(solutions), np.inf)
     whole = np.full(len(solutions), np.inf)
@@ -817,7 +813,7 @@ def _order_on_parts(
     for k, q in enumerate(solutions):
         joint_paths = list[JointPath]()
         with suppress(ArmContourError):
-            for part, i in zip(cuts, first, strict=True):
+            for part, i in zip(parts, first, strict=True):
                 joint_paths.append(trace(part, arm, limits=limits, seed=q[i]))
             bounds[k] = sum(bound_duration(x, rough) for x in joint_paths)
         traced.append(joint_paths)
@@ -833,6 +829,19 @@ def _order_on_parts(
     as_fast = np.flatnonzero(inner <= (1 + SAME_ON_PARTS) * inner.min())
     slower = order[np.argsort(inner[order], kind="stable")]
     return [*as_fast.tolist(), *(k for k in slower.tolist() if k not in as_fast)]
+
+
+def _cut_parts(path: Path, s: FloatArray) -> tuple[IntArray, list[Path]]:
+    """Cut parts out of a long path; return the indices of their starts in `s`, and the parts.
+
+    `s` are arc lengths at which joint positions are known [m], (n,).
+    """
+    count = min(max(len(path) // PART_EVERY, 1), MAX_COMPARED_PARTS)
+    length = path.length * min(PART_SEGMENTS / len(path), 1.0)
+    first = np.searchsorted(s, np.linspace(0, path.length - length, count), side="right") - 1
+    last = np.append(s[first[:-1]] + length, path.length)
+    parts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
+    return first, parts
 
 
 def _duration_of_middle(part: Trajectory) -> float:
