@@ -78,3 +78,10 @@ def test_joints_without_gains_have_no_such_error(tmp_path):
     _, run = run_of(tmp_path, "{order: delay, dead_time: 8 ms}")
     assert run.unknown_gains is None
     assert "gains" not in str(run)
+
+
+def test_the_largest_gain_of_a_servo_is_simulated_without_the_estimate(tmp_path):
+    _, run = run_of(tmp_path, "{order: first, kp: 250000 1/s}")
+    assert run.unknown_gains is None and run.evaluation is not None
+    _, run = run_of(tmp_path, "{order: first, kp: 25 1/s}")
+    assert run.unknown_gains.max > run.evaluation.contour_error.max

@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.checks import FloatArray, comparable
-from armcontour.core.errors import ExecutionError, error_context
+from armcontour.core.errors import ArmContourError, ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
@@ -141,7 +141,9 @@ def _simulate(
     unknown_gains = None
     # The logs of an identified servo tell how much the robot differs.
     if expected is None and not run.for_bodies:
-        unknown_gains = estimate_unknown_gains(job, run, executed, path, evaluation)
+        # A robot with other gains may be impossible, next to the largest gains of a servo.
+        with suppress(ArmContourError):
+            unknown_gains = estimate_unknown_gains(job, run, executed, path, evaluation)
     explanation = planned.explanation or explain_plan(job, planned.trajectory, progress)
     progress(Step(("clearance",)))
     result = replace(
