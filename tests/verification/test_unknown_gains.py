@@ -85,3 +85,18 @@ def test_the_largest_gain_of_a_servo_is_simulated_without_the_estimate(tmp_path)
     assert run.unknown_gains is None and run.evaluation is not None
     _, run = run_of(tmp_path, "{order: first, kp: 25 1/s}")
     assert run.unknown_gains.max > run.evaluation.contour_error.max
+
+
+def test_motion_before_the_first_contour_does_not_count(tmp_path):
+    # The contour is slow, and the joints move to it as fast as they can.
+    file = tmp_path / "job.yaml"
+    text = JOB.replace("100 mm/s", "10 mm/s") % "{kp: 25 1/s, kv: 150 1/s}"
+    text = text.replace("runs: {only: {}}", "runs: {only: {timing: {reserve: 5 %}}}")
+    file.write_text(text)
+    alone = ac.run(ac.read_job(file)).runs["only"]
+    start = [x + 0.4 for x in alone.trajectory(0.0).tolist()]
+    file.write_text(f"{text}start_from: {{joints: {start}}}\n")
+    job = ac.read_job(file)
+    run = ac.run(job).runs["only"]
+    assert run.trajectory.duration > alone.trajectory.duration + 0.2
+    assert run.unknown_gains.max == pytest.approx(worst_of_corners(job, run), rel=0.05)

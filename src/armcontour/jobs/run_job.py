@@ -242,7 +242,7 @@ def expect_errors(
 def estimate_unknown_gains(
     job: Job, run: Run, executed: Execution, path: Program, evaluation: Evaluation
 ) -> UnknownGains | None:
-    """Estimate the contour error if the gains of the joints differ; None for joints without gains.
+    """Estimate the contour error if the gains of the joints differ; None if that is impossible.
 
     `executed`, `evaluation`: simulation with the servo model of the job, and its evaluation.
     """
@@ -264,7 +264,7 @@ def estimate_unknown_gains(
 
     others = [execute({name: (1.0 + UNKNOWN_SHARE) * x}) for name, x in gains.items()]
     found = worst_with_other_gains(executed, others, evaluation.contour_error)
-    if not found.saturates:
+    if found is None or not found.saturates:
         return found
     for signs in (found.signs, -found.signs):
         pairs = zip(gains.items(), signs, strict=True)

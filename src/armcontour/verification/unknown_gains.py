@@ -58,8 +58,11 @@ class UnknownGains:
 
 def worst_with_other_gains(
     executed: Execution, others: Sequence[Execution], error: ErrorProfile
-) -> UnknownGains:
+) -> UnknownGains | None:
     """Estimate the contour error of the worst robot with other gains.
+
+    None if no time of the executions is on a contour, because all contours are shorter than a
+    cycle.
 
     Args:
         executed: The execution by the known servo.
@@ -68,9 +71,11 @@ def worst_with_other_gains(
         error: Contour error of `executed`.
     """
     times = others[0].t
-    # Between contours and after the end, there is no contour error.
-    known = np.interp(times, error.t, error.values, right=np.nan)
+    # Before, between and after the contours, there is no contour error.
+    known = np.interp(times, error.t, error.values, left=np.nan, right=np.nan)
     judged = np.flatnonzero(np.isfinite(known))
+    if not len(judged):
+        return None
     judged = judged[:: -(-len(judged) // MAX_TIMES)]
     t = times[judged]
     q = _at(executed, executed.q, t)
