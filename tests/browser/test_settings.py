@@ -75,6 +75,8 @@ def studio(page):
         with page.renewing():
             page.find("#undo").click()
     assert page.text == JOB
+    # No contour stays selected.
+    page.find("#view2d").press("Escape")
 
 
 def open_group(studio, title, *keys):

@@ -127,11 +127,7 @@ export class Gizmo {
 
   /** Move by one step with an arrow key. @param {KeyboardEvent} event @param {number} k */
   press(event, k) {
-    const { placing, store } = this;
-    if (event.key === "Delete" && store.options.obstacle >= 0) {
-      event.preventDefault();
-      return store.tell("remove obstacle", store.options.obstacle);
-    }
+    const { placing } = this;
     const sign = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1 }[event.key];
     if (!sign || !placing.target) return;
     event.preventDefault();

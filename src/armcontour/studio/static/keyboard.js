@@ -63,6 +63,10 @@ function actions(store, view) {
     b: () => store.setView({ stage: stages[(stages.indexOf(store.options.stage) + 1) % 3] }),
     ...Object.fromEntries([1, 2, 3, 4, 5].map((number) => [String(number), () => store.tell("look", number)])),
     d: () => store.setView({ dock: !store.options.dock }),
+    delete: () => {
+      const { obstacle } = store.options;
+      if (obstacle >= 0) store.tell("remove obstacle", obstacle);
+    },
     "?": click("help-open"),
   };
 }

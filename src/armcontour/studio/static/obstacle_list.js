@@ -92,7 +92,11 @@ export function showList(store, link, { add, addMesh }) {
     const bodies = /** @type {{name: string, type: string, index: number}[]} */ (document.obstacles);
     render(
       html`<p class="tool-title"><b>Obstacles</b></p>
-        ${bodies.length > 0 && html`<ul>${bodies.map(({ name, type, index }) => html`<li key=${index}>
+        ${bodies.length > 0 && html`<ul>${bodies.map(({ name, type, index }) => html`<li key=${index} onKeyDown=${(/** @type {KeyboardEvent} */ event) => {
+          if (event.key !== "Delete") return;
+          event.preventDefault();
+          remove(index);
+        }}>
           <button type="button" class="pick" aria-pressed=${String(options.obstacle === index)} onClick=${() => store.setView({ obstacle: options.obstacle === index ? -1 : index })}>${name} <span class="quiet">${type === name ? "" : type}</span></button>
           <button type="button" aria-label=${`Remove ${name}`} title="Remove (Delete)" onClick=${() => remove(index)}>×</button></li>`)}</ul>`}
         <div class="acts">${Object.entries(KINDS).map(([type, { name }]) => html`<button type="button" data-kind=${type} title=${`Add a ${type}`} onClick=${() => (type === "mesh" ? picker.click() : add(type))}>+ ${name}</button>`)}</div>`,
