@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -31,7 +31,7 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
-from armcontour.core.text import draw, draw_as_html, list_some, make_printable, shorten
+from armcontour.core.text import list_some, make_printable, shorten
 from armcontour.geometry import Path
 from armcontour.geometry.path import arc_lengths_without_z, drop_z, has_length_without_z
 from armcontour.geometry.segments import REPEATED_POINT
@@ -472,8 +472,8 @@ class Program(Checked):
         # A rapid without tool orientation has it from its contours.
         return self.mapped(lambda x: x if x.orientation is None else x.with_cone(cone))
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     def __repr__(self) -> str:
         """Return source, number of contours and length in one line."""
