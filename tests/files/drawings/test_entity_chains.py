@@ -16,7 +16,7 @@ SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 
 
 def entity(path, name="", layer="0"):
-    return DrawnEntity(path=path, name=name, layer=layer)
+    return DrawnEntity(path=path, name=name, where=name, layer=layer)
 
 
 def line(start, end, name="", layer="0"):
