@@ -46,6 +46,11 @@ def first_line(origin: int) -> int:
     return origin & LINE_MASK if origin > 0 else 0
 
 
+def first_lines(origins: IntArray) -> IntArray:
+    """Return the number of the first line of each origin, 0 if it is not in a text, (n,)."""
+    return np.where(origins > 0, origins & LINE_MASK, 0)
+
+
 def join_origins(first: IntArray, last: IntArray) -> IntArray:
     """Return the origins of segments that replace sequences of segments, (n,).
 
@@ -53,7 +58,7 @@ def join_origins(first: IntArray, last: IntArray) -> IntArray:
 
     - `first`, `last`: origins of the first and of the last segment of each sequence, (n,).
     """
-    lines = np.stack([first & LINE_MASK, last & LINE_MASK])
+    lines = np.stack([first_lines(first), first_lines(last)])
     ends = lines + np.stack([_further_lines(first), _further_lines(last)])
     begin = lines.min(axis=0)
     further = ends.max(axis=0) - begin

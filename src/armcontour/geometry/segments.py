@@ -13,6 +13,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate, rescale
+from armcontour.geometry.origins import first_lines, join_origins
 
 # Points closer than this distance [m] count as one point, because no arm resolves a nanometre.
 REPEATED_POINT = 1e-9
@@ -453,7 +454,10 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
 
 
 def combine_limits(before: Segments, after: Segments) -> LimitColumns:
-    """Combine limits at vertices: the smaller speed and tolerance; tag and origin before them.
+    """Combine limits at vertices: the smaller speed and tolerance, and the tag before it.
+
+    The origin has the lines before and after the vertex, in the order of the file. Where a contour
+    closes or runs backwards, it is that before the vertex.
 
     - `before`, `after`: segments before and after n vertices, n rows each.
     """
@@ -461,7 +465,11 @@ def combine_limits(before: Segments, after: Segments) -> LimitColumns:
         "speeds": np.fmin(before.speeds, after.speeds),
         "tolerances": np.fmin(before.tolerances, after.tolerances),
         "tags": before.tags.copy(),
-        "origins": before.origins.copy(),
+        "origins": np.where(
+            first_lines(after.origins) > first_lines(before.origins),
+            join_origins(before.origins, after.origins),
+            before.origins,
+        ),
     }
 
 
