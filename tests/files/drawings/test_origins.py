@@ -137,7 +137,9 @@ JOB = """
 name: part
 arm:
   name: ur5e
-  tool: {position: [0, 0, 120 mm], shapes: [{type: sphere, name: tip, at: [0, 0, 90 mm], radius: 30 mm}]}
+  tool:
+    position: [0, 0, 120 mm]
+    shapes: [{type: sphere, name: tip, at: [0, 0, 90 mm], radius: 30 mm}]
 path:
   file: part.ngc
   frame: {position: [0, 0, 0.3]}
