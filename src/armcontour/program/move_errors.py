@@ -27,7 +27,9 @@ def move_context(called: str, path: Path | None, entities: Sequence[str] = ()) -
             s = min(max(error.s, 0.0), path.length)
             origin = origin_on(path, s, entities)
             point = point or tuple(path(s).tolist())
-        location = ", ".join(filter(None, (called, origin)))
+        # A contour of G-code has the name of its first line.
+        is_named = bool(origin) and called.endswith(f"({origin})")
+        location = called if is_named else ", ".join(filter(None, (called, origin)))
         located = error.with_location(location) if location else error
         located.point = point
         located.origin = origin or error.origin
