@@ -28,7 +28,7 @@ from armcontour.motion import Execution
 from armcontour.planning import Explanation
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
-from armcontour.robot import Arm
+from armcontour.robot import Arm, compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
@@ -133,7 +133,10 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     """Yield rows of the verdict, the deviation from the drawing, the duration and its cause."""
     run = result.run
     evaluation = result.evaluation
-    yield Row("kept", verdict.kept, JUDGED, "verdict", reason_of(run, verdict), VERDICT)
+    reason = reason_of(run, verdict)
+    if compare_limits(run.limits, result.arm):
+        reason = "; ".join(filter(None, [reason, "limits of the job are above the arm's"]))
+    yield Row("kept", verdict.kept, JUDGED, "verdict", reason, VERDICT)
     if verdict.errors:
         yield worst_contour(run, verdict)
         yield Row("judged_by", tuple(verdict.errors))
@@ -166,7 +169,18 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
 
 
 def reason_of(run: Run, verdict: Verdict) -> str:
-    """Write the requirement that decides a verdict, as a clause; empty if none decides."""
+    """Write the requirement that decides a verdict, and violated limits; empty if there are none.
+
+    If only limits are violated, the text also tells which other requirement is kept.
+    """
+    clauses = [*verdict.violations, _deciding_requirement(run, verdict)]
+    if verdict.requirement != "limits":
+        clauses.reverse()
+    return "; ".join(filter(None, clauses))
+
+
+def _deciding_requirement(run: Run, verdict: Verdict) -> str:
+    """Write the requirement on motion and errors that decides, as a clause; empty if none does."""
     tolerance = None if run.rounding is None else run.rounding.tolerance
     match verdict.requirement:
         case "motion":
@@ -180,6 +194,10 @@ def reason_of(run: Run, verdict: Verdict) -> str:
                 f"the allowed contour error is {number(verdict.allowed, 'm')}, a tenth of the "
                 "smallest corner tolerance"
             )
+        case "limits" if run.accuracy is not None:
+            return f"the allowed distance from the drawing of {number(run.accuracy, 'm')} is kept"
+        case "limits" if verdict.allowed is not None:
+            return f"the allowed contour error of {number(verdict.allowed, 'm')} is kept"
     return ""
 
 
