@@ -244,10 +244,11 @@ export class Store {
     if (begin !== undefined) this.setTime(begin);
   }
 
-  /** Select the contour that contains a path piece. @param {number} piece its first point; -1: none */
+  /** Select the contour that contains a path piece, and show when the tool is there. @param {number} piece its first point; -1: none */
   selectAt(piece) {
-    const breaks = this.latest("picture")?.arrays.path_breaks;
+    const { path_breaks: breaks, path_t: times } = this.latest("picture")?.arrays ?? {};
     const contour = breaks && piece >= 0 ? indexAt(breaks, piece) : -1;
+    if (contour >= 0 && times) this.setTime(times[piece]);
     if (contour === this.options.contour && this.options.obstacle < 0) return;
     this.setView({ contour, obstacle: -1, ...(contour >= 0 && { side: "contours" }) });
   }
