@@ -335,6 +335,37 @@ def test_while_a_zoomed_part_is_played_the_time_stays_in_it(studio):
     assert moved[0] <= time_of(studio) <= moved[1]
 
 
+def test_a_place_outside_of_a_zoomed_drawing_comes_into_the_view(studio):
+    view = studio.find("#view2d")
+    box = view.bounding_box()
+    dot = studio.find("circle.cursor:not(.tool)")
+    scale = float(studio.told("#view2d", "scale"))
+    # Zoom at the middle of the first contour, so that the others are outside.
+    studio.page.mouse.move(*studio.middle(dot))
+    while float(studio.told("#view2d", "scale")) < 10 * scale:
+        before = studio.told("#view2d", "scale")
+        studio.page.mouse.wheel(0, -300)
+        studio.wait_for(f"#view2d:not([data-scale='{before}'])")
+    zoomed = studio.told("#view2d", "scale")
+
+    def check_seen():
+        studio.page.evaluate(TWO_FRAMES)
+        x, y = studio.middle(dot)
+        assert box["x"] < x < box["x"] + box["width"]
+        assert box["y"] < y < box["y"] + box["height"]
+        assert studio.told("#view2d", "scale") == zoomed
+
+    for key in (".", "Home", "]", "]"):
+        before = studio.told("#playback", "time")
+        studio.page.keyboard.press(key)
+        studio.wait_for(f"#playback:not([data-time='{before}'])")
+        if key != "Home":
+            check_seen()
+    studio.page.keyboard.press("f")
+    studio.wait_for(f"#view2d:not([data-scale='{zoomed}'])")
+    studio.page.keyboard.press("Escape")
+
+
 def test_a_tip_ends_with_the_next_action(studio):
     tip = studio.find(f"{TRACK} .tip")
     studio.page.mouse.move(*place(studio, 0.4))

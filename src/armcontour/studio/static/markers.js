@@ -37,6 +37,7 @@ class Marks {
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
     view.region.append(this.tip);
     store.on("time", () => this.place());
+    store.on("place", () => this.reveal());
     view.followers.add(() => this.place());
     view.overlay.addEventListener("pointermove", (event) => this.hover(event));
     view.overlay.addEventListener("pointerleave", () => this.leave());
@@ -50,6 +51,12 @@ class Marks {
     const centre = picture.head.centre;
     this.placeCursor(picture);
     this.placeRefusal(centre);
+  }
+
+  /** Pan the drawing if the place of the shown time is outside of the view. */
+  reveal() {
+    const picture = this.store.latest("picture");
+    if (picture?.arrays.path_t.length) this.view.reveal(pointOf(picture, this.store.time, this.store.place));
   }
 
   /** @param {Frame} picture */
