@@ -25,7 +25,9 @@ CELLS = ROOT / "src" / "armcontour" / "files" / "cells"
 # Cells in which the servos of the simulated robot have gains that differ by 1 % from the assumed
 # ones, up and down from joint to joint; numbers of joints by cell.
 JOINTS = {"ur5e": 6, "ur10e_positioner": 9}
-KP, KV = 25.0, 150.0  # assumed gains of these cells [1/s]
+# Assumed gains of these cells [1/s].
+KP = 25.0
+KV = 150.0
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
 FRAMES = 40  # of the moving picture
 LONGEST_FRAME = 250  # [ms], so that a slow motion is shown faster

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks, pictures
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import IN_PLANE, Frame, Pose, angle_between
+from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import (
     ConeAngle,
     Distance,
@@ -39,7 +40,7 @@ SAME_BREAK = 1e-12
 # The class has no slots, because a frozen class with slots raises an unclear error if a property is
 # assigned.
 @declared(eq=False, slots=False)
-class Path(Checked):
+class Path(Checked, Pictured):
     """A continuous chain of lines and arcs in the plane or in space, as a function of arc length.
 
     Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
@@ -556,8 +557,6 @@ class Path(Checked):
         return find_nearest(self.segments, points)
 
     __repr__ = short_repr
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     @property
     def turns(self) -> FloatArray:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
-from armcontour.core import pictures
 from armcontour.core.fields import checked
 from armcontour.core.guesses import Explained
+from armcontour.core.pictures import Pictured
 from armcontour.core.render import Result, compare, lay_out
 from armcontour.core.result import Data
 from armcontour.core.text import short_repr
@@ -19,7 +19,7 @@ from armcontour.jobs.run_record import RunRecord
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunResult(RunRecord, Result):
+class RunResult(RunRecord, Result, Pictured):
     """Result of one run in a job: its plan, its set-points, their execution and its evaluation.
 
     Args:
@@ -59,9 +59,6 @@ class RunResult(RunRecord, Result):
 
     __repr__ = short_repr
 
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
-
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about deviations of the result from the request, without the run's name."""
@@ -74,7 +71,7 @@ class RunResult(RunRecord, Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class JobResult(Explained):
+class JobResult(Explained, Pictured):
     """A job and the results of its runs.
 
     Args:
@@ -85,9 +82,6 @@ class JobResult(Explained):
 
     job: Job
     runs: Mapping[str, RunResult]
-
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     @property
     def simulated(self) -> bool:

@@ -7,10 +7,11 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from armcontour.core import checks, pictures
+from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
+from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
@@ -51,7 +52,7 @@ class MotionSource(Protocol):
 
 
 @declared(eq=False)
-class Execution(Checked):
+class Execution(Checked, Pictured):
     """The joint motion of a plant, from the first set-point until rest.
 
     >>> executed.q.shape == (len(executed.t), arm.dof)
@@ -98,9 +99,6 @@ class Execution(Checked):
             raise InvalidInput("An execution must have both torque and torque_demand, or neither.")
 
     __repr__ = short_repr
-
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     @classmethod
     @checked

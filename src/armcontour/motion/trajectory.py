@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks, pictures
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
+from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, short_repr
@@ -209,7 +210,7 @@ class Samples(Frozen):
 
 
 @declared(eq=False, repr=False)
-class Trajectory(Checked):
+class Trajectory(Checked, Pictured):
     """Joint positions over time, made of consecutive time laws; derivatives can jump at breaks.
 
     >>> q, dq = planned(0.1), planned(0.1, 1)
@@ -269,9 +270,6 @@ class Trajectory(Checked):
         """Method, duration and number of joints, without arrays."""
         joints = count_noun(self.dof, "joint")
         return f"Trajectory({str(self.method)!r}, {number(self.duration, 's')}, {joints})"
-
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     @property
     def t(self) -> FloatArray:

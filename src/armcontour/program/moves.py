@@ -12,11 +12,12 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks, pictures
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import Frame, Pose
+from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import (
     AtLeast,
     Choice,
@@ -312,7 +313,7 @@ Move = Contour | Rapid | Dwell | Event
 
 
 @declared(eq=False, repr=False)
-class Program(Checked):
+class Program(Checked, Pictured):
     """Moves in order. The planner adds rapids between contours that do not meet.
 
     >>> program = ac.Program(moves=(ac.Contour(path=path), ac.Dwell(0.5)))
@@ -511,9 +512,6 @@ class Program(Checked):
             contour.path.with_cone(cone)
         # A rapid without tool orientation has it from its contours.
         return self.mapped(lambda x: x if x.orientation is None else x.with_cone(cone))
-
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     def __repr__(self) -> str:
         """Return source, number of contours and length in one line."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armcontour.core import pictures
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.pictures import Pictured
 from armcontour.core.progress import Progress, contour_step
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
@@ -44,7 +44,7 @@ SPEED_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation(Result, Frozen):
+class Evaluation(Result, Frozen, Pictured):
     """Errors, speeds and limit use of an execution.
 
     Args:
@@ -206,8 +206,6 @@ class Evaluation(Result, Frozen):
         return f"of the motion; planned for {usable} of the accelerations and torques"
 
     __repr__ = short_repr
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -342,7 +342,7 @@ class Identification(Result, Frozen):
     def _keep_assumed(
         self, assumed: ServoModel, parameters: dict[str, list[float]], orders: list[str]
     ) -> None:
-        """Write the assumed servo of the joints that no log moves into lists with a value per joint.
+        """Write the assumed servo of joints that no log moves into lists with a value per joint.
 
         - `parameters`: the values of each parameter of `JointServo`.
         - `orders`: the orders of the servos.

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from armcontour.core import pictures
 from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.pictures import Pictured
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, joint_label, short_repr
@@ -236,7 +236,7 @@ class ContourCertificate(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Certificate(Result):
+class Certificate(Result, Pictured):
     """The fastest plan found that satisfies a goal, and the evidence.
 
     Args:
@@ -261,9 +261,6 @@ class Certificate(Result):
     contours: tuple[ContourCertificate, ...]
     uncertified: Uncertified
     shapes: Mapping[str, float]
-
-    plot = pictures.plot
-    _repr_html_ = pictures.draw_as_html
 
     def to_data(self) -> Data:
         """Return data of the verdict, the parts of the error, and the model."""
