@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.pchip import monotone_slopes
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 
@@ -177,11 +178,7 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
 def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the quintics through values, with PCHIP slopes and no second derivative at knots."""
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
-    from scipy.interpolate import PchipInterpolator
-
-    # PCHIP divides by tiny differences of values, and then has the slope 0 there.
-    with np.errstate(over="ignore"):
-        slopes = PchipInterpolator(s, values)(s, 1)
+    slopes = monotone_slopes(s, values)
     width = np.diff(s)
     zero = np.zeros_like(slopes[1:])
     start = (values[:-1], slopes[:-1], zero)
