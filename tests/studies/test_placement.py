@@ -137,6 +137,19 @@ def test_workers_and_executors_return_the_same_results(square):
     assert placement_csv(placement) == placement_csv(pool) == placement_csv(alone)
 
 
+def test_shapes_of_the_arm_are_read_once_for_all_places(square):
+    reads = []
+
+    def read():
+        reads.append(1)
+        hand = LinkShape(name="hand", link=6, shape=Sphere(radius=0.01), place=ac.Frame())
+        return ArmShapes(shapes=(hand,))
+
+    job = replace(square, arm=square.arm.with_shapes(read))
+    assert all(x.duration for x in ac.place(job, {"x": [0.0, 0.01]}, processes=1).places)
+    assert len(reads) == 1
+
+
 def test_placement_supports_planar_arms():
     plane = parse_job(PLANE)
     placement = ac.place(plane, {"x": [-0.04, 0.0, 0.04], "yaw": [-0.5, 0.5]}, processes=1)

@@ -190,6 +190,8 @@ def place(
     planner = _Planner(
         replace(job, runs=(chosen,)), move, _center(job, move), _programs_anywhere(job, chosen)
     )
+    # Arms at other places copy the shapes that are known, so files are read once.
+    _ = job.arm.knows_shapes
     # The first plan, at the job's own place, compiles functions for all processes.
     own = planner({})
     names = list(axes)

@@ -25,7 +25,7 @@ from armcontour.planning.tracing.positioner_tilt import (
 from armcontour.planning.tracing.postures import ARM_JOINTS, find_postures, has_graph
 from armcontour.planning.tracing.refusals import Failure, refuse_first_pose, refuse_path
 from armcontour.planning.tracing.smoothing import (
-    interpolate_monotone,
+    interpolate_paths,
     move_to_poses,
     null_space,
     smooth,
@@ -212,9 +212,7 @@ def _with_costs(
             yield from smoothed
             continue
         for q, (changed, cost) in zip(group, smoothed, strict=True):
-            change = interpolate_monotone(
-                stations.place, (changed - q[index])[None], stations.measure
-            )
+            change = interpolate_paths(stations.place, (changed - q[index])[None], stations.measure)
             moved, fits = move_to_poses(arm, poses, task, q + change)
             moved[0, index] = changed
             yield (moved[0], cost) if fits[0] else (q, cost)

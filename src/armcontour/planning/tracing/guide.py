@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, kernel_array
+from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.kernel_cache import compiled
+from armcontour.core.pchip import monotone_slopes
 from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 
@@ -79,7 +80,9 @@ class Guide:
         free = self.coefficients.shape[2] // self.dof - 1
         g = np.empty((n, 3, self.dof))
         w = np.empty((n, 3, free * self.dof))
-        _write_splines(self.s, self.coefficients, kernel_array(s), kernel_array(middle), g, w)
+        # Compiled code would load scipy.linalg, which takes 0.1 s, to call searchsorted.
+        intervals = np.searchsorted(self.s, middle) - 1
+        _write_splines(self.s, self.coefficients, kernel_array(s), intervals, g, w)
         return w.reshape(n, 3, free, self.dof), g
 
 
@@ -88,18 +91,19 @@ def _write_splines(
     knots: FloatArray,
     coefficients: FloatArray,
     s: FloatArray,
-    middle: FloatArray,
+    intervals: IntArray,
     g: FloatArray,
     w: FloatArray,
 ) -> None:
     """Write g and the rows of w with two derivatives along s, (n, 3, dof) and (n, 3, free dof).
 
     - `knots`, `coefficients`: as in `Guide`.
-    - `s`, `middle`: as in `Guide.evaluate`.
+    - `s`: as in `Guide.evaluate`.
+    - `intervals`: index of the interval of each arc length, (n,).
     """
     dof = g.shape[2]
     for i in range(len(s)):
-        interval = np.searchsorted(knots, middle[i]) - 1
+        interval = intervals[i]
         u = s[i] - knots[interval]
         for k in range(coefficients.shape[2]):
             # Horner's method for the value and half of the second derivative
@@ -177,11 +181,7 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
 def _pchip_quintics(s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the quintics through values, with PCHIP slopes and no second derivative at knots."""
     # Returns coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
-    from scipy.interpolate import PchipInterpolator
-
-    # PCHIP divides by tiny differences of values, and then has the slope 0 there.
-    with np.errstate(over="ignore"):
-        slopes = PchipInterpolator(s, values)(s, 1)
+    slopes = monotone_slopes(s, values)
     width = np.diff(s)
     zero = np.zeros_like(slopes[1:])
     start = (values[:-1], slopes[:-1], zero)

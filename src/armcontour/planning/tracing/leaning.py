@@ -35,7 +35,7 @@ from armcontour.planning.tracing.path_samples import PathSamples
 from armcontour.planning.tracing.refusals import numbered_as
 from armcontour.planning.tracing.smoothing import (
     guide_at_stations,
-    interpolate_monotone,
+    interpolate_paths,
     null_space,
     smooth,
 )
@@ -270,7 +270,7 @@ def lean_from(
         )  # fmt: skip
         rows = null_space(moving, at_stations, POINT, smoothed[0])
         guide = Guide.through(s[index], smoothed[0], rows, path.stops)
-        between = interpolate_monotone(s[index], smoothed, s)
+        between = interpolate_paths(s[index], smoothed, s)
         return refine(path, knots, between[0], POINT, guide)
 
     return _within(cone_of(path), arm, attempt)

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.pchip import interpolate_monotone
 from armcontour.core.quintics import solve_banded
 from armcontour.planning.tracing.guide import Guide
 from armcontour.planning.tracing.path_samples import PathSamples
@@ -112,19 +113,15 @@ def smooth_in_levels(
             arm, s[level], poses[level], task, q[:, level], start_stays=start_stays
         )
         changed, fits = move_to_poses(
-            arm, poses, task, interpolate_monotone(place[level], smoothed, place)
+            arm, poses, task, interpolate_paths(place[level], smoothed, place)
         )
         q = np.where(fits[:, None, None], changed, q)
     return smooth(arm, s[every], poses[every], task, q, start_stays=start_stays)
 
 
-def interpolate_monotone(x: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
-    """Interpolate values, (paths, n, dof), at places `x`, (n,), by PCHIP at other places, (k,)."""
-    from scipy.interpolate import PchipInterpolator
-
-    # PCHIP divides by tiny differences of values, and then has the slope 0 there.
-    with np.errstate(over="ignore"):
-        return np.asarray(PchipInterpolator(x, values, axis=1)(at))
+def interpolate_paths(x: FloatArray, q: FloatArray, at: FloatArray) -> FloatArray:
+    """Interpolate joint paths, (paths, n, dof), at places `x`, (n,), by PCHIP at others, (k,)."""
+    return np.swapaxes(interpolate_monotone(x, np.swapaxes(q, 0, 1), at), 0, 1)
 
 
 def smooth(
