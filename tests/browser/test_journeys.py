@@ -159,7 +159,10 @@ def test_drawing_and_arm_and_slider_and_charts_show_the_same_time(studio):
     press(studio, "#viewbar", "Both")
     studio.wait("#view3d", time="0")
     dot = studio.find("circle.cursor:not(.tool)")
-    studio.page.mouse.move(*studio.middle(studio.handle("middle", 2)))
+    # A click on the path, beside its handles.
+    begin = np.array(studio.middle(studio.handle("waypoint", 2)))
+    end = np.array(studio.middle(studio.handle("middle", 2)))
+    studio.page.mouse.click(*(begin + 0.5 * (end - begin)))
     studio.wait_for("#playback:not([data-time='0'])")
 
     def agreed():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
-from tools.studio_page import serving, write_job, write_shapes
+from tools.studio_page import TWO_FRAMES, serving, write_job, write_shapes
 
 from armcontour.core.yaml_loader import load
 
@@ -57,7 +57,9 @@ def duration_of(studio):
 
 
 def wait_for_part(studio, before):
-    studio.wait_for(f"{TRACK}:not([data-begin='{before[0]}'][data-end='{before[1]}'])")
+    """Wait for another part than the one before; return it."""
+    begin, end = (repr(x).removesuffix(".0") for x in before)
+    studio.wait_for(f"{TRACK}:not([data-begin='{begin}'][data-end='{end}'])")
     return part_of(studio)
 
 
@@ -122,6 +124,77 @@ def test_the_knob_is_dragged_without_a_zoom(studio):
     studio.wait_for("#playback:not([data-time='0'])")
     assert time_of(studio) == pytest.approx(0.4 * duration_of(studio), abs=tolerance(studio))
     assert part_of(studio) == (0, duration_of(studio))
+
+
+def test_a_pointer_over_the_path_shows_figures_and_only_a_click_goes_there(studio):
+    dot = studio.find("circle.cursor:not(.tool)")
+    tip = studio.find("#view2d > .tip[role=tooltip]")
+    begin = studio.middle(dot)
+    studio.page.mouse.click(*place(studio, 0.1))
+    studio.wait_for("#playback:not([data-time='0'])")
+    gone_to = time_of(studio)
+    on_path = studio.middle(dot)
+    assert on_path != begin
+    studio.page.keyboard.press("Home")
+    studio.wait("#playback", time="0")
+    studio.page.mouse.move(*on_path)
+    expect(tip).to_be_visible()
+    expect(tip).to_contain_text("mm/s")
+    expect(studio.find("#view2d circle.hovered")).to_be_visible()
+    studio.page.evaluate(TWO_FRAMES)
+    assert time_of(studio) == 0
+    assert studio.middle(dot) == begin
+    studio.page.mouse.down()
+    studio.page.mouse.up()
+    studio.wait_for("#playback:not([data-time='0'])")
+    assert time_of(studio) == pytest.approx(gone_to, abs=0.02 * duration_of(studio))
+    studio.page.keyboard.press("Escape")
+
+
+def test_a_pointer_over_a_chart_shows_values_and_a_click_or_the_line_goes_there(studio):
+    studio.tab("charts")
+    over = studio.find("[data-chart=acceleration] .u-over")
+    over.scroll_into_view_if_needed()
+    values = studio.find("[data-chart=acceleration] .u-value")
+    duration = duration_of(studio)
+    studio.wait("[data-chart=acceleration]", cursor="0")
+
+    def at(share):
+        box = over.bounding_box()
+        return box["x"] + share * box["width"], box["y"] + 0.5 * box["height"]
+
+    def shown_share():
+        """The place of the line in the chart, which begins at time zero."""
+        box = over.bounding_box()
+        return (studio.middle(over.locator(".now"))[0] - box["x"]) / box["width"]
+
+    expect(values.first).to_have_text("0 s")
+    studio.page.mouse.move(*at(0.4), steps=4)
+    # The values are those under the pointer.
+    expect(values.first).not_to_have_text("0 s")
+    studio.page.evaluate(TWO_FRAMES)
+    assert time_of(studio) == 0 and shown_share() == pytest.approx(0, abs=0.02)
+    studio.page.mouse.move(5, 5)
+    expect(values.first).to_have_text("0 s")
+    studio.page.mouse.click(*at(0.4))
+    studio.wait_for("#playback:not([data-time='0'])")
+    clicked = studio.told("#playback", "time")
+    studio.wait("[data-chart=acceleration]", cursor=clicked)
+    assert shown_share() == pytest.approx(0.4, abs=0.02)
+    # The axis may go on a little after the end of the motion.
+    assert 0.3 * duration < float(clicked) < 0.5 * duration
+    drag(studio, at(0.4), at(0.6))
+    studio.wait_for(f"#playback:not([data-time='{clicked}'])")
+    studio.wait("[data-chart=acceleration]", cursor=studio.told("#playback", "time"))
+    assert time_of(studio) == pytest.approx(1.5 * float(clicked), rel=0.05)
+    # A drag beside the line zooms the chart, and leaves the time.
+    time = studio.told("#playback", "time")
+    drag(studio, at(0.1), at(0.3))
+    expect(over.locator(".now")).to_be_hidden()
+    assert studio.told("#playback", "time") == time
+    studio.page.mouse.dblclick(*at(0.9))
+    expect(over.locator(".now")).to_be_visible()
+    studio.page.keyboard.press("d")
 
 
 def test_the_wheel_zooms_about_the_pointer_and_with_shift_it_moves(studio):
@@ -262,6 +335,37 @@ def test_while_a_zoomed_part_is_played_the_time_stays_in_it(studio):
     assert np.diff(moved)[0] == pytest.approx(np.diff(part)[0])
     moved = part_of(studio)
     assert moved[0] <= time_of(studio) <= moved[1]
+
+
+def test_a_place_outside_of_a_zoomed_drawing_comes_into_the_view(studio):
+    view = studio.find("#view2d")
+    box = view.bounding_box()
+    dot = studio.find("circle.cursor:not(.tool)")
+    scale = float(studio.told("#view2d", "scale"))
+    # Zoom at the middle of the first contour, so that the others are outside.
+    studio.page.mouse.move(*studio.middle(dot))
+    while float(studio.told("#view2d", "scale")) < 10 * scale:
+        before = studio.told("#view2d", "scale")
+        studio.page.mouse.wheel(0, -300)
+        studio.wait_for(f"#view2d:not([data-scale='{before}'])")
+    zoomed = studio.told("#view2d", "scale")
+
+    def check_seen():
+        studio.page.evaluate(TWO_FRAMES)
+        x, y = studio.middle(dot)
+        assert box["x"] < x < box["x"] + box["width"]
+        assert box["y"] < y < box["y"] + box["height"]
+        assert studio.told("#view2d", "scale") == zoomed
+
+    for key in (".", "Home", "]", "]"):
+        before = studio.told("#playback", "time")
+        studio.page.keyboard.press(key)
+        studio.wait_for(f"#playback:not([data-time='{before}'])")
+        if key != "Home":
+            check_seen()
+    studio.page.keyboard.press("f")
+    studio.wait_for(f"#view2d:not([data-scale='{zoomed}'])")
+    studio.page.keyboard.press("Escape")
 
 
 def test_a_tip_ends_with_the_next_action(studio):

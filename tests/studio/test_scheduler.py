@@ -21,6 +21,7 @@ from tests.studio.session_pages import (
 from tools.studio_page import SQUARE
 
 import armcontour as ac
+from armcontour.core import kernel_cache
 from armcontour.core.progress import Step, TimeLeft
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
@@ -238,6 +239,17 @@ def test_a_slow_plan_has_an_outline_and_progress(opened, during, monkeypatch):
     # Progress of a state that is not shown any more goes.
     during(lambda: tab.edit(moved(3), gesture=3))
     assert "done" in progress(tab.edit(moved(2), gesture=2))
+
+
+def test_path_and_arm_are_shown_before_the_functions_of_the_plan_are_compiled(opened):
+    session, tab, _ = opened()
+    with kernel_cache.waiting(lambda function: None):
+        frames = tab.edit(moved(1), gesture=1)
+        page = SessionPage(session)
+    assert tiers(frames) == ["picture outline", "picture preview", "executed preview"]
+    # A page that has no arm yet receives it before the plan.
+    shown = [x for x in kinds(page.frames) if x in ("picture", "arm")]
+    assert shown == ["picture", "arm", "picture"]
 
 
 def test_a_killed_process_is_reported_and_the_next_edit_has_figures(opened):

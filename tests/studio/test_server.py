@@ -3,14 +3,17 @@
 import asyncio
 import contextlib
 import socket
+from threading import Event
 
 import pytest
 from tests.studio.running_studio import running
 from tests.studio.session_pages import MOVE
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import COMPILING, Step
 from armcontour.report.message_frame import MessageFrame
 from armcontour.studio import server
+from armcontour.studio import session as session_module
 from armcontour.studio.connection import OpenPage, SessionHost, open_session
 from armcontour.studio.server import listen, require_server, serve
 
@@ -108,3 +111,34 @@ def test_pages_that_open_before_the_session_join_it(session):
         return [x.header["id"] for x in frames if x.kind == "failed"]
 
     assert asyncio.run(talk()) == [1]
+
+
+def test_a_page_that_opens_during_the_compilation_hears_how_far_it_is(file, monkeypatch):
+    released = Event()
+
+    @contextlib.contextmanager
+    def compile_slowly(dimension, progress):
+        """Report a quarter of the compilation, and wait."""
+        for name, share in (("2 functions", 0.0), ("first", 0.25)):
+            progress(Step((COMPILING, name), share))
+        released.wait()
+        yield
+
+    monkeypatch.setattr(session_module, "compile_for_run", compile_slowly)
+    with running(file) as studio:
+        try:
+            while studio.session_host.session is None:
+                released.wait(0.01)
+            with studio.page() as page:
+                header = page.hear("progress").header
+                while header["share"] != 0.25:
+                    header = page.hear("progress").header
+                assert header["steps"][0] == COMPILING
+                # Three quarters are left, which take three times as long.
+                assert header["left"] == pytest.approx(3 * header["spent"], rel=0.5, abs=0.01)
+                released.set()
+                page.hear("picture")
+                while header.get("state") != "done" or header["task"] != "start":
+                    header = page.hear("progress").header
+        finally:
+            released.set()

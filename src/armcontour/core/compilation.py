@@ -109,14 +109,15 @@ def compile_for_run(dimension: int | None, progress: Progress) -> Iterator[None]
     schedule = CompilationSchedule(read_list(kind), report_step)
     helper = Thread(target=work, name="compiling")
     helper.start()
-    try:
-        with waiting(schedule.wait):
+    # Other threads wait for functions until all are compiled.
+    with waiting(schedule.wait):
+        try:
             yield
-    except BaseException:
-        schedule.give_up()
-        raise
-    finally:
-        helper.join()
+        except BaseException:
+            schedule.give_up()
+            raise
+        finally:
+            helper.join()
 
 
 def read_list(kind: RunKind) -> dict[FunctionName, list[str]]:

@@ -277,6 +277,11 @@ def waiting(wait: Callable[[Any], None]) -> AbstractContextManager[None]:
     return progress.registered(_waiting, wait)
 
 
+def may_wait() -> bool:
+    """Return whether calls of compiled functions may wait for other processes to compile them."""
+    return bool(_waiting)
+
+
 class _Listener(event.Listener):
     """Reports each compilation to the listeners of progress; without listeners, once to the log."""
 

@@ -57,6 +57,11 @@ class TimeLeft:
         self._begin = 0.0
         self._first = 0.0
 
+    @property
+    def spent(self) -> float:
+        """Time since the first part of the step [s]."""
+        return self._clock() - self._begin
+
     def after(self, step: Step) -> float | None:
         """Return the time until the step ends [s]; None if it is unknown.
 

@@ -25,6 +25,7 @@ from armcontour.jobs.plan_quantities import (
 from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution
+from armcontour.planning import Explanation
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
@@ -32,7 +33,7 @@ from armcontour.robot import Arm, compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
-from armcontour.verification.evaluation import duration_row, tool_speeds
+from armcontour.verification.evaluation import Evaluation, duration_row, tool_speeds
 
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label
@@ -97,7 +98,7 @@ def run_data(
             data, rows=tuple(replace(x, level=TABLE) for x in rows)
         )
     if result.explanation is not None:
-        data = result.explanation.to_data()
+        data = _with_origin_of_slowest(result.explanation, result.path)
         # The table of time shares is listed with the tables of the run.
         tables.insert(0, data.tables[0])
         parts["explanation"] = replace(data, tables=data.tables[1:])
@@ -297,7 +298,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     if evaluation is None and result.trajectory.arm is not None:
         yield from tool_speeds(result.motion, result.motion.tool_speed).rows
     if evaluation is not None:
-        for row in [*evaluation.to_data().rows, *_angular_rows(result.motion)]:
+        for row in [*_evaluation_rows(result, evaluation), *_angular_rows(result.motion)]:
             if row.name == "limit_ratios":
                 yield row
             elif row.name != "duration":  # `verdict_rows` has the duration
@@ -323,16 +324,43 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
     if experiment is None:
         return
     data = experiment.evaluation.to_data()
+    rows = _evaluation_rows(result, experiment.evaluation)
     motion = experiment.execution
     limit = result.run.limits.joint_torque
     applied = None if motion.torque is None else np.abs(motion.torque).max(axis=0)
     torques = _torque_rows(result.arm, limit, applied, "applied")
-    for row in [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *torques]:
+    for row in [*_plant_rows(experiment.plant), *rows, *_angular_rows(motion), *torques]:
         if row.name == "duration":  # `verdict_rows` has the row that is shown
             yield replace(row, level=FILE)
         else:
             yield _row_of_execution(row, BODIES, result.judged is experiment.evaluation)
     yield Row("cornering", data.tables[0].as_dicts())
+
+
+def _evaluation_rows(result: RunRecord, evaluation: Evaluation) -> list[Row]:
+    """Return the rows of an evaluation, with the place in the file of the largest contour error."""
+    rows = list(evaluation.to_data().rows)
+    origin = result.path.origin_at(evaluation.contour_error.s_max)
+    if not origin:
+        return rows
+    for i, row in enumerate(rows):
+        if row.name == "contour_error.max":
+            rows[i] = replace(row, note=f"{row.note}, {origin}")
+    return [*rows, Row("contour_error.origin", origin)]
+
+
+def _with_origin_of_slowest(explanation: Explanation, program: Program) -> Data:
+    """Return the data of an explanation, with the place in the file of the slowest point."""
+    data = explanation.to_data()
+    slowest = explanation.slowest
+    origin = "" if slowest is None else program.origin_at(slowest.s)
+    if slowest is None or not origin:
+        return data
+    rows = list(data.rows)
+    for i, row in enumerate(rows):
+        if row.name == "slowest":
+            rows[i] = replace(row, value=f"{slowest.sentence}, {origin}")
+    return replace(data, rows=tuple(rows))
 
 
 def _row_of_execution(row: Row, execution: str, is_worst: bool) -> Row:

@@ -7,14 +7,14 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import draw, draw_as_html, short_repr
+from armcontour.core.text import short_repr
 from armcontour.motion.nearest_commands import Excess, find_range_or_speed_excess
 from armcontour.motion.trajectory import Trajectory
 from armcontour.robot import Arm, Limits
@@ -99,8 +99,8 @@ class Execution(Checked):
 
     __repr__ = short_repr
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @classmethod
     @checked
@@ -361,6 +361,10 @@ class SetPoints(Checked):
     def command_note(self) -> str:
         """The largest values of `command_use`, as text; empty without command limits."""
         return ", ".join(f"{name} {use.max():.4f}" for name, use in self.command_use.items())
+
+    def __len__(self) -> int:
+        """Return the number of set-points."""
+        return len(self.q)
 
     @property
     def t(self) -> FloatArray:

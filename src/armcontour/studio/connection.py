@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import ArmContourError
 from armcontour.core.file_access import listen_to_reading
-from armcontour.core.progress import Step
+from armcontour.core.progress import Step, TimeLeft
 from armcontour.studio.access_control import Send
 
 if TYPE_CHECKING:
@@ -89,6 +90,9 @@ class SessionHost:
                 for page in self.pages:
                     session.join(page)
             session.begin()
+            self._broadcast(_start_frame({"state": "done"}))
+            with self._lock:
+                self._starting.clear()
         except BaseException as error:
             self.failure = error
             self.stop()
@@ -117,7 +121,8 @@ class SessionHost:
     def _broadcast(self, data: bytes, key: str = START) -> None:
         """Send a frame of the start to all pages, also to those that join later."""
         with self._lock:
-            if self.session is None:
+            # The progress goes on after the session was created.
+            if self.session is None or key == START:
                 self._starting[key] = data
             for page in self.pages:
                 page.send(data, key)
@@ -131,12 +136,13 @@ def open_session(
     task_worker: TaskWorkerFactory | None = None,
 ) -> Session:
     """Open a job file, a drawing in a cell, or an empty plane; `Session.begin` shows it."""
+    time_left = TimeLeft(time.monotonic)
 
     def report(step: Step) -> None:
-        header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
-        send(MessageFrame("progress", {"seq": None, "rev": 0, **header, "eta": None}).pack())
-
-    from armcontour.report.message_frame import MessageFrame
+        # The parts of the compilation are steps of one name each, but take their time together.
+        left = time_left.after(Step(step.names[:1], step.done))
+        times = {"left": left, "spent": time_left.spent}
+        send(_start_frame({"steps": list(step.names), "share": step.done, **times}))
 
     report(Step(("loading armcontour",)))
     from armcontour.studio.opening import blank_document, open_file
@@ -169,3 +175,11 @@ def open_session(
         )
     session.confine(named)
     return session
+
+
+def _start_frame(header: Mapping[str, Any]) -> bytes:
+    """Make a progress frame of the start."""
+    from armcontour.report.message_frame import MessageFrame
+
+    whole = {"seq": None, "rev": 0, "id": START, "task": START, **header}
+    return MessageFrame("progress", whole).pack()

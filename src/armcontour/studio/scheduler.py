@@ -14,6 +14,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError, InvalidInput, Unreachable
+from armcontour.core.kernel_cache import may_wait
 from armcontour.core.progress import Step, TimeLeft
 from armcontour.jobs import Job
 from armcontour.program import Program
@@ -324,6 +325,10 @@ class Scheduler:
         for explain in (False, True):
             try:
                 is_long = self.previewer.is_long(state.data)
+                if may_wait():
+                    # The plan waits until its functions are compiled, the path and the arm do not.
+                    self._send_outline(state)
+                    self._show_arm(state, self.previewer.job(state.data, state.run))
                 if is_long or min(state.results.plan_times) > SLOW_PLAN:
                     self._send_outline(state)
                     self._wait(state, stale)

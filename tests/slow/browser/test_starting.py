@@ -1,5 +1,7 @@
 """The start page and the pen, each shape and each key, in a real browser."""
 
+import re
+
 import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
@@ -34,5 +36,14 @@ def test_the_first_start_says_that_it_compiles(pages, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "compiled"))
     with serving(write_job(tmp_path / "job.yaml", "optimal"), folder=tmp_path) as server:
         studio = pages(server)
-        expect(studio.find("#messages .work")).to_contain_text("only this once")
+        work = studio.find("#messages .work")
+        expect(work).to_contain_text("only this once")
+        # The path and the settings are shown before the plan, and the seconds go on.
+        studio.wait("#view2d", tier="1", duration="")
+        expect(studio.find("#panel input[type=search]")).to_be_visible()
+        told = work.locator("span").inner_text()
+        assert re.search(r"\d+ (s so far|of about \d+ s)$", told)
+        expect(work.locator("span")).not_to_have_text(told)
         expect(studio.find("#tab-contours")).not_to_contain_text("No contour")
+        studio.rest()
+        expect(work).to_be_hidden()

@@ -22,7 +22,7 @@ from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, list_some, short_repr
-from armcontour.motion.log import Log, arrange_joints
+from armcontour.motion.log import Log, arrange_joints, match_joints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import TRUSTED
@@ -377,7 +377,7 @@ class Identification(Result, Frozen):
                 "Specify a log of the same joints."
             )
         names = [x.name for x in self.joints]
-        if set(names) == set(log.joint_names):
+        if match_joints(log.joint_names, names, log.source) is not None:
             log = arrange_joints(log, names)
         positions = log.command.copy()
         used = np.full(log.command.shape, False)

@@ -1,12 +1,14 @@
 // Charts over time: joint usage and contour error; and the tool speed along the path.
 
 import { RUN_COLOURS, themed } from "./colours.js";
-import { find, make, say, whileSeen } from "./dom.js";
+import { find, make, mark, say, whileSeen } from "./dom.js";
 import { rowOf, short, textOf } from "./format.js";
 import { largest } from "./polylines.js";
 import { nowAndThen, READING } from "./state.js";
 import { lengthUnit } from "./length_unit.js";
+import { KNOB } from "./timeline.js";
 import { inches, shownRow } from "./units.js";
+import { CLICKED } from "./view2d.js";
 
 /** @typedef {import("./state.js").Store} Store */
 /** @typedef {import("./state.js").Frame} Frame */
@@ -24,9 +26,12 @@ const DASHES = [[], [9, 3], [3, 3], [9, 3, 3, 3], [1, 3], [14, 4]];
 const NEAR = 50;
 const DEMANDS = /** @type {const} */ ([["velocity", "usage_v"], ["acceleration", "usage_a"], ["torque", "usage_torque"]]);
 
-/** A chart with title, sentence, and curves with their values at the shown time. */
+/**
+ * A chart with title, sentence, curves, and a line at the shown time. Their values are those under the pointer, without a pointer those
+ * at the line. A click goes to a place, and the line can be dragged; elsewhere, a drag zooms, and a double click shows the whole.
+ */
 class Chart {
-  /** @param {string} name @param {string} title @param {() => string} xUnit unit of the horizontal axis @param {(x: number) => void} choose called with the place under the pointer */
+  /** @param {string} name @param {string} title @param {() => string} xUnit unit of the horizontal axis @param {(x: number) => void} choose called with the place to which the user goes */
   constructor(name, title, xUnit, choose) {
     this.xUnit = xUnit;
     this.choose = choose;
@@ -39,6 +44,12 @@ class Chart {
     this.signature = "";
     /** The shown place, in the unit of the horizontal axis. */
     this.cursor = 0;
+    /** Line at the shown place. */
+    this.now = make("div", { class: "now" });
+    /** Where the button was pressed [px], and whether it holds the line; null while it is up. @type {{from: number, isLine: boolean} | null} */
+    this.press = null;
+    /** Whether the pointer is in the chart, so that the values are those under it. */
+    this.isHovered = false;
     new ResizeObserver(() => this.box.clientWidth && this.plot?.setSize({ width: this.box.clientWidth, height: HEIGHT })).observe(this.box);
   }
 
@@ -55,20 +66,57 @@ class Chart {
     else {
       this.plot?.destroy();
       this.plot = new Plot(this.options(content, limits), data, this.box);
-      const { over } = this.plot;
-      over.addEventListener("pointermove", (event) => this.choose(this.plot?.posToVal(event.clientX - over.getBoundingClientRect().left, "x") ?? 0));
-      // uPlot hides its own cursor first.
-      over.addEventListener("mouseleave", () => this.point(this.cursor));
+      this.listen(this.plot.over);
     }
     this.signature = signature;
     this.point(this.cursor);
   }
 
-  /** Put the cursor at a place. @param {number} x in the unit of the axis */
+  /** @param {HTMLElement} over on which one points */
+  listen(over) {
+    over.append(this.now);
+    const within = (/** @type {MouseEvent} */ event) => event.clientX - over.getBoundingClientRect().left;
+    const isNear = (/** @type {PointerEvent} */ event) => Math.abs(within(event) - this.x) <= KNOB;
+    const go = (/** @type {MouseEvent} */ event) => this.choose(this.plot?.posToVal(within(event), "x") ?? 0);
+    over.addEventListener("pointerdown", (event) => {
+      if (event.button > 0) return;
+      over.setPointerCapture(event.pointerId);
+      this.press = { from: within(event), isLine: isNear(event) };
+    });
+    over.addEventListener("pointermove", (event) => {
+      mark(over, "data-near", String(this.press ? this.press.isLine : isNear(event)));
+      if (this.press?.isLine && Math.abs(within(event) - this.press.from) > CLICKED) go(event);
+    });
+    over.addEventListener("pointerup", (event) => {
+      if (this.press && Math.abs(within(event) - this.press.from) <= CLICKED) go(event);
+    });
+    over.addEventListener("lostpointercapture", () => (this.press = null));
+    this.isHovered = false;
+    over.addEventListener("mouseenter", () => (this.isHovered = true));
+    // uPlot hides its own cursor first.
+    over.addEventListener("mouseleave", () => {
+      this.isHovered = false;
+      this.point(this.cursor);
+    });
+  }
+
+  /** Where the line is [px]. */
+  get x() {
+    return this.plot?.valToPos(this.cursor, "x") ?? 0;
+  }
+
+  /** Put the line at a place. @param {number} x in the unit of the axis */
   point(x) {
     this.cursor = x;
-    this.plot?.setCursor({ left: this.plot.valToPos(x, "x"), top: 0 }, false);
+    if (!this.isHovered) this.plot?.setCursor({ left: this.x, top: 0 }, false);
+    this.placeLine();
     this.element.dataset.cursor = String(x);
+  }
+
+  placeLine() {
+    const { x } = this;
+    this.now.hidden = x < 0 || x > (this.plot?.over.clientWidth ?? 0);
+    this.now.style.transform = `translateX(${x.toFixed(1)}px)`;
   }
 
   /** @param {Content} content @param {number[]} limits @returns {uPlot.Options} */
@@ -78,14 +126,14 @@ class Chart {
     return {
       width: this.box.clientWidth,
       height: HEIGHT,
-      cursor: { points: { size: 7 }, drag: { x: true, y: false }, y: false },
+      cursor: { points: { size: 7 }, drag: { x: true, y: false, dist: CLICKED }, y: false, bind: { mousedown: (_u, _over, press) => (event) => this.press?.isLine ? null : press(event) } },
       scales: { x: { time: false }, y: { range: (_u, low, high) => rangeOf([low ?? 0, high ?? 0, 0, ...limits]) } },
       axes: [{ ...axis, size: 26 }, { ...axis, size: 46 }],
       series: [
         { label: "at", value: text(this.xUnit()) },
         ...curves.map(({ label, colour, dash }) => ({ label, dash, stroke: colour, width: 1.6, points: { show: false }, value: text(unit) })),
       ],
-      hooks: { drawClear: [(u) => drawLimits(u, limits)] },
+      hooks: { drawClear: [(u) => drawLimits(u, limits)], draw: [() => this.placeLine()] },
     };
   }
 }

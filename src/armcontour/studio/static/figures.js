@@ -78,7 +78,7 @@ function Figure({ name, row, seen, store, exact }) {
   if (!place) return html`<div ...${shared}>${content}</div>`;
   const t = place(store);
   const title = t === undefined ? "Its place follows with the figures of this plan" : "Show its place";
-  return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.setTime(place(store) ?? store.time)} ...${shared}>${content}</button>`;
+  return html`<button type="button" title=${title} aria-disabled=${String(t === undefined)} onClick=${() => store.goTo(place(store) ?? store.time)} ...${shared}>${content}</button>`;
 }
 
 /** The least allowed distance of a clearance. @param {{name: string, store: Store}} props */
@@ -97,7 +97,7 @@ function Shares({ store }) {
     const picture = store.latest("picture");
     const { rapid_t: times, rapid_breaks: breaks } = picture?.arrays ?? {};
     const t = picture && (timeOf(picture, kind) ?? (breaks && (times[breaks[0]] + times[breaks[1] - 1]) / 2));
-    if (t !== null && t !== undefined) store.setTime(t);
+    if (t !== null && t !== undefined) store.goTo(t);
   };
   const { runs = [], run } = store.document ?? {};
   const timing = runs.find((/** @type {any} */ x) => x.name === run)?.timing ?? OPTIMAL;

@@ -27,14 +27,17 @@ class Marks {
     this.view = view;
     this.dot = draw("circle", { class: "cursor", r: 5, hidden: true, "aria-hidden": "true" });
     this.tool = draw("circle", { class: "cursor tool", r: 4, hidden: true, "aria-hidden": "true" });
+    /** The place under the pointer, of which the tip tells. */
+    this.hovered = draw("circle", { class: "hovered", r: 5, hidden: true, "aria-hidden": "true" });
     const shape = (/** @type {string} */ name, d = CROSS) => draw("path", { class: name, d, hidden: true, "aria-hidden": "true" });
     this.refused = shape("refused");
     this.largest = shape("largest");
     this.nearest = shape("nearest", `M${NEAREST.join("L")}Z`);
-    view.overlay.append(this.nearest, this.dot, this.tool, this.refused, this.largest);
+    view.overlay.append(this.hovered, this.nearest, this.dot, this.tool, this.refused, this.largest);
     this.tip = make("div", { class: "tip", role: "tooltip", hidden: true });
     view.region.append(this.tip);
     store.on("time", () => this.place());
+    store.on("place", () => this.reveal());
     view.followers.add(() => this.place());
     view.overlay.addEventListener("pointermove", (event) => this.hover(event));
     view.overlay.addEventListener("pointerleave", () => this.leave());
@@ -48,6 +51,12 @@ class Marks {
     const centre = picture.head.centre;
     this.placeCursor(picture);
     this.placeRefusal(centre);
+  }
+
+  /** Pan the drawing if the place of the shown time is outside of the view. */
+  reveal() {
+    const picture = this.store.latest("picture");
+    if (picture?.arrays.path_t.length) this.view.reveal(pointOf(picture, this.store.time, this.store.place));
   }
 
   /** @param {Frame} picture */
@@ -92,7 +101,9 @@ class Marks {
     const { view, layers } = this.view;
     const i = layers.nearest(picture, view.toPlane([x, y]), NEAR / view.scale);
     if (i < 0) return this.leave();
-    this.store.setTime(picture.arrays.path_t[i]);
+    this.hovered.toggleAttribute("hidden", false);
+    const { path } = picture.arrays;
+    move(this.hovered, view.toScreen([path[2 * i], path[2 * i + 1]]));
     say(this.tip, shownText(sentenceAt(picture, i)));
     this.tip.hidden = false;
     this.view.putBeside(this.tip, [x, y]);
@@ -100,6 +111,7 @@ class Marks {
 
   leave() {
     this.tip.hidden = true;
+    this.hovered.toggleAttribute("hidden", true);
   }
 }
 

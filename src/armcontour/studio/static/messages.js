@@ -16,6 +16,8 @@ import { html, render } from "./vendor/preact.js";
 const WORK = /** @type {Record<string, string>} */ ({ start: "Starting", "#": "Preview" });
 /** Name of the step in which functions are compiled, as in `progress.py`. */
 const COMPILING = "compiling, once";
+/** The first functions take longer than their share of the compilation, so its time is estimated from this share on. */
+const KNOWN_FROM = 0.2;
 const SHOWN_FOR = 9000; // ms
 const MOST = 4;
 
@@ -44,13 +46,41 @@ function clear(kind) {
 /** Show a sentence on what needs a path; it is closed when the first path is shown. @param {string} sentence */
 export const tellEarly = (sentence) => notify(sentence, "alarm early");
 
+/** The progress of the compilation, whose time goes on between two reports of the server. */
+class Compiling {
+  /** @param {(text: string, share: number | null | undefined) => void} show */
+  constructor(show) {
+    this.showWork = show;
+    this.timer = 0;
+  }
+
+  /** @param {{share?: number | null, spent?: number, left?: number | null}} report with times [s] */
+  show({ share, spent = 0, left }) {
+    this.end();
+    const begun = performance.now() - 1000 * spent;
+    const tell = () => {
+      const now = (performance.now() - begun) / 1000;
+      const whole = left && (share ?? 0) >= KNOWN_FROM ? spent + left : 0;
+      // An estimate that was too short is not told any more.
+      const of = whole > now ? ` of about ${Math.ceil(whole)} s` : " s so far";
+      this.showWork(`Compiling for the first run on this machine, only this once: ${Math.floor(now)}${of}`, share);
+    };
+    tell();
+    this.timer = setInterval(tell, 1000);
+  }
+
+  end() {
+    clearInterval(this.timer);
+  }
+}
+
 /** @param {Store} store @param {Link} link */
 export function init(store, link) {
   store.on("picture", () => clear("early"));
   const [refused, work] = ["alarm refusal", "work"].map((name) => make("div", { class: `message ${name}`, hidden: true }));
   find("#messages").append(refused, work);
   const refuse = (sentence = "", rest = "", edits = /** @type {any[]} */ ([]), t = /** @type {number | undefined} */ (undefined)) =>
-    render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.setTime(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
+    render(html`<span>${shownText(sentence)}</span><span class="quiet">${rest}</span>${t !== undefined && html`<button type="button" onClick=${() => store.goTo(t)}>Show its place</button> `}<${Remedies} all=${edits} take=${(/** @type {object[]} */ edits) => link.edit(edits)} />`, refused);
   refuse();
   store.on("refusal", (/** @type {any} */ frame) => {
     // A collision has a box of its own.
@@ -60,18 +90,30 @@ export function init(store, link) {
     refuse(frame.head.sentence, frame.head.tier === 1 && hasMotion(store) ? "The last good motion stays, greyed." : "", frame.head.remedies, hasMotion(store) ? frame.head.at?.t : undefined);
   });
   let task = "";
+  const showWork = (/** @type {string} */ text, /** @type {number | null | undefined} */ share) =>
+    render(html`<span>${text}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
+  const compiling = new Compiling(showWork);
   store.on("progress", (/** @type {any} */ { head }) => {
     const { steps = [], share, part, left, state, tier } = head;
-    if (!(head.task in WORK)) return;
+    // The progress of the start that ends is not that of a later plan.
+    if (!(head.task in WORK) || (state === "done" && head.task !== task)) return;
     task = head.task;
     work.hidden = state === "done";
-    const name = steps.includes(COMPILING) ? "Compiling, only this once" : tier === "exact" ? "Exact figures" : WORK[task];
+    if (work.hidden || !steps.includes(COMPILING)) compiling.end();
+    if (work.hidden) return;
+    if (steps.includes(COMPILING)) return compiling.show(head);
+    const name = tier === "exact" ? "Exact figures" : WORK[task];
     const done = part || (share ? `${Math.round(100 * share)} %` : "");
     const how = [`: ${steps.at(-1) ?? "…"}`, done, left ? `about ${Math.ceil(left)} s left` : ""].filter(Boolean).join(", ");
-    render(html`<span>${name + how}</span><progress key=${typeof share} max="1" value=${share ?? undefined} aria-label="Progress" />`, work);
+    showWork(name + how, share);
   });
-  // A refused job has also started.
-  for (const event of ["picture", "refusal"]) store.on(event, (/** @type {any} */ frame) => (work.hidden ||= task === "start" && Boolean(frame)));
+  // A refused job has also started; an outline is shown before the plan.
+  for (const event of ["picture", "refusal"])
+    store.on(event, (/** @type {any} */ frame) => {
+      if (task !== "start" || !frame || frame.head.tier === "outline") return;
+      work.hidden = true;
+      compiling.end();
+    });
   store.on("dropped", (/** @type {any} */ frame) => refuseAt(frame) || notify(`${frame.head.sentence} Nothing was changed.`, "alarm dropped"));
   let rev = -1;
   store.on("document", (/** @type {any} */ frame) => {

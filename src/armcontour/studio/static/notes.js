@@ -49,7 +49,7 @@ export function init(store) {
     const [head = [], ...shares] = (headOf(store).time ?? []).map((/** @type {string[]} */ row) => row.slice(0, 3).map(shownText));
     const slow = slowestOf(picture.shortfalls ?? []).map(({ place: { contour, t, sentence }, count }) => {
       const others = count > 1 ? `, and at ${count - 1} more ${count > 2 ? "places" : "place"}` : "";
-      return html`<button type="button" class="link" title="Show its place" onClick=${() => store.setTime(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}${others}`;
+      return html`<button type="button" class="link" title="Show its place" onClick=${() => store.goTo(t)}>${contourLabel(picture.contours[contour])}</button>: ${shownText(sentence)}${others}`;
     });
     render(
       html`<${Sentences} title="Warnings" sentences=${warnings} />

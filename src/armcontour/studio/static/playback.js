@@ -41,7 +41,7 @@ function jump(store, timeline, name) {
   }
   const t = name === "slowest" ? slowestOf(picture) : stopBeside(picture, store.time, way);
   if (t === undefined) return;
-  store.setTime(t);
+  store.goTo(t);
   if (name !== "slowest") return;
   store.setView({ contour: contourAt(picture, t), side: "contours" });
   timeline.tellPlace();

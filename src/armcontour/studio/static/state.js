@@ -9,6 +9,7 @@
 //   dropped                 an edit is refused and was not made: listener(frame)
 //   started, progress, result, cancelled, failed, saved, conflict, download, notice, start    listener(frame)
 //   time                    listener()                the shown time changed
+//   place                   listener()                the place of the shown time must be in the view of the drawing
 //   view                    listener(options)         an option changed, see `ViewOptions`
 //   theme                   listener("light" | "dark")
 //   link                    listener(link state)      see connection.js
@@ -212,6 +213,12 @@ export class Store {
     this.tell("time");
   }
 
+  /** Show a time, and have its place in the view of the drawing. @param {number} time [s] */
+  goTo(time) {
+    this.setTime(time);
+    this.tell("place");
+  }
+
   /** Show the planned time at an arc length. @param {number} s [m] */
   setPlace(s) {
     const arrays = this.latest("picture")?.arrays;
@@ -241,13 +248,14 @@ export class Store {
   selectContour(contour) {
     const [begin] = this.latest("picture")?.head.contours[contour]?.t ?? [];
     this.setView({ contour, side: "contours" });
-    if (begin !== undefined) this.setTime(begin);
+    if (begin !== undefined) this.goTo(begin);
   }
 
-  /** Select the contour that contains a path piece. @param {number} piece its first point; -1: none */
+  /** Select the contour that contains a path piece, and show when the tool is there. @param {number} piece its first point; -1: none */
   selectAt(piece) {
-    const breaks = this.latest("picture")?.arrays.path_breaks;
+    const { path_breaks: breaks, path_t: times } = this.latest("picture")?.arrays ?? {};
     const contour = breaks && piece >= 0 ? indexAt(breaks, piece) : -1;
+    if (contour >= 0 && times) this.setTime(times[piece]);
     if (contour === this.options.contour && this.options.obstacle < 0) return;
     this.setView({ contour, obstacle: -1, ...(contour >= 0 && { side: "contours" }) });
   }

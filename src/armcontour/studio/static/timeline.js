@@ -17,7 +17,7 @@ import { CLICKED } from "./view2d.js";
 /** @typedef {{from: number, to: number, isScrub: boolean, isRange: boolean}} Drag places [px] */
 
 /** The line is grabbed within this distance [px]. */
-const KNOB = 9;
+export const KNOB = 9;
 /** Wheel movement that makes the shown part longer by a factor of e, and that moves it by its length [px]. */
 const [ZOOM, SHIFT] = [400, 800];
 /** Factor of the keys + and -. */

@@ -17,6 +17,8 @@ const REST = 130; // ms
 export const CLICKED = 4; // px
 const NEAR = 8; // px
 const MAX_MEASURES = 3000;
+/** Nearer to the border of the view, a place is not seen well [px]. */
+const BORDER = 16;
 /** Distance of a box from the pointer [px]. */
 const ASIDE = 18;
 
@@ -171,6 +173,17 @@ export class View2d {
     this.view.fit(this.withTouched(whole ? this.withObstacles(box) : box), this.covered);
     this.moved();
     this.isFitted = this.isSeen = true;
+  }
+
+  /** Pan so that a point is in the middle, unless it is seen well. @param {[number, number]} point m */
+  reveal(point) {
+    const { view, covered } = this;
+    const [x, y] = view.toScreen(point);
+    const [left, right, bottom] = [covered.left, view.width, view.height - covered.below];
+    const isSeen = x >= left + BORDER && x <= right - BORDER && y >= BORDER && y <= bottom - BORDER;
+    if (isSeen) return;
+    view.pan((left + right) / 2 - x, bottom / 2 - y);
+    this.moved();
   }
 
   /** Return the obstacles that the drawing shows. @returns {any[]} */
