@@ -54,6 +54,11 @@ GROUPS = {
 # fields, those named in MAPPING_LABELLED have the name of the mapping as their label.
 FLAT_MAPPINGS = ("corners", "servo", "timing", "compensation")
 MAPPING_LABELLED = {"method", "shape"}
+# Names of fields on the page, if their key is also that of another field.
+CALLED = {
+    "arm.positioner.tilt": "tilt from gravity",
+    "arm.tilt": "tilt from gravity (axes of the description)",
+}
 # Keys without a field: geometry, because the drawing defines it; contours and `runs`, because they
 # have lists; and keys of the arm, because the arm has a single field.
 OMITTED = (
@@ -97,6 +102,8 @@ def _groups() -> dict[str, list[Field]]:
     ranges = {".".join(map(str, keys)): x for keys, x in SLIDER_RANGES.items()}
     # The plant has the gains of the servo, but no sliders.
     ranges |= {x.replace("servo", "plant"): y for x, y in ranges.items() if x.startswith("servo.")}
+    for key, called in CALLED.items():
+        _find_field(tree, key.split("."))["called"] = called
     for key in OMITTED:
         _remove_field(tree, key.split("."))
     listed = {key: title for title, keys in GROUPS.items() for key in keys}
@@ -153,12 +160,17 @@ def _add_units(field: Field, keys: Keys) -> None:
         field["typed"] = shown_unit(keys, kind) or unit_of(None, kind)[0]
 
 
+def _find_field(tree: list[Field], keys: list[str]) -> Field:
+    """Return the field at a key path in a tree of fields."""
+    (field,) = (x for x in tree if x["name"] == keys[0])
+    return _find_field(field["fields"], keys[1:]) if keys[1:] else field
+
+
 def _remove_field(tree: list[Field], keys: list[str]) -> Field:
     """Remove the field at a key path from a tree of fields, and return it."""
-    (field,) = (x for x in tree if x["name"] == keys[0])
-    if keys[1:]:
-        return _remove_field(field["fields"], keys[1:])
-    tree.remove(field)
+    siblings = _find_field(tree, keys[:-1])["fields"] if keys[1:] else tree
+    field = _find_field(siblings, keys[-1:])
+    siblings.remove(field)
     return field
 
 
@@ -182,7 +194,8 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
     examples = [y for x in parts for y in x.get("examples", ())]
     types = {x.get("type") for x in parts} - {"null"}
     field: Field = {
-        "text": UNIT.sub("", text),
+        # The page shows plain text.
+        "text": UNIT.sub("", text).replace("`", ""),
         "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
         "example": examples[0] if examples else "",
         "default": _form_default(schema.get("default")),

@@ -103,6 +103,13 @@ def test_keys_of_external_axes_have_the_units_of_the_page(pages, file):
     velocity = studio.slider("limits.joint_velocity.1")
     expect(velocity.locator("label")).to_have_text("Joint velocity, rail")
     expect(velocity.locator("input[type=text]")).to_have_value("1000 mm/s")
+    # Examples of revolute joints are not those of the rail.
+    hints = studio.page.evaluate(
+        """() => [...document.querySelectorAll("#panel .setting")]
+            .filter(x => x.querySelector("label").textContent.endsWith(", rail"))
+            .map(x => x.querySelector("input[type=text]")?.placeholder ?? "")"""
+    )
+    assert hints and not [x for x in hints if "rad" in x or "deg" in x]
     with studio.renewing():
         studio.type("limits.joint_velocity.1", "900")
     assert load(studio.text, "")["limits"]["joint_velocity"][1] == 0.9

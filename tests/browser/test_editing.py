@@ -6,7 +6,9 @@ import ezdxf
 import pytest
 from playwright.sync_api import expect
 
+from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
+from armcontour.files import parse_job
 
 pytestmark = pytest.mark.browser
 JOB = """\
@@ -429,3 +431,20 @@ def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):
         told.get_by_role("button").click()
     assert data_of(studio)["limits"]["speed"] == "60 mm/s"
     expect(told).to_have_count(0)
+
+
+def test_messages_show_code_without_backticks(studio, folder):
+    before = studio.text
+    text = before.replace("\nruns: {", "\nruns: {more: {servo: {kp: 20, kv: 150}}, ", 1)
+    with pytest.raises(InvalidInput, match="`armcontour batch`"):
+        parse_job(text, folder=folder)
+    studio.tab("text")
+    studio.find("#tab-text textarea").fill(text)
+    studio.page.keyboard.press("Control+Enter")
+    message = studio.find("#messages .message").filter(has_text="armcontour batch").first
+    expect(message).to_be_visible()
+    assert "`" not in message.inner_text()
+    # The refused text is no state of the job.
+    studio.find("#tab-text textarea").fill(before)
+    studio.page.keyboard.press("Control+Enter")
+    expect(message).to_have_count(0)

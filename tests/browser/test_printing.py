@@ -50,3 +50,14 @@ def test_printed_figures_fill_pages_and_are_as_before_on_the_screen(browser, rep
     pages = re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))
     assert 2 <= len(pages) <= 5
     page.close()
+
+
+def test_a_button_prints_a_report(browser, report):
+    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    page.add_init_script("window.print = () => (document.body.dataset.printed = 'yes')")
+    page.goto(report.as_uri())
+    page.get_by_role("button", name="Print").click()
+    page.wait_for_selector("body[data-printed=yes]")
+    page.emulate_media(media="print")
+    assert not page.get_by_role("button", name="Print").is_visible()
+    page.close()

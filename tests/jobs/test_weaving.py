@@ -104,6 +104,38 @@ def test_a_limiting_travel_speed_is_named_and_its_change_suggested():
     assert "mm/s" not in capped.to_data()["time_limit"].note
 
 
+def advised(text, key):
+    """The result of a job, and the value that advice has for a key of its weave."""
+    job = parse_job(text)
+    result = run(job).runs["only"]
+    edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}
+    return result, edits[f"process.weave.{key}"]
+
+
+def test_a_weave_is_named_as_the_cause_where_its_curves_limit_the_speed():
+    """On the same line without a weave, joints reach their limits only at the ends."""
+    slow = JOB.replace("joint_acceleration: 20", "joint_acceleration: 0.5")
+    by_pitch = slow.replace("frequency: 2 Hz, speed: 6 mm/s", "pitch: 3 mm")
+    straight = run(
+        parse_job(slow.replace("weave: {width: 3 mm, frequency: 2 Hz, speed: 6 mm/s}", ""))
+    )
+    note = straight.runs["only"].to_data()["time_limit"].note
+    for text, key, old in ((slow, "frequency", "2 Hz"), (by_pitch, "pitch", "3 mm")):
+        result, value = advised(text, key)
+        assert "weave" in result.to_data()["time_limit"].note and "weave" not in note
+        changed = run(parse_job(text.replace(old, f"{value:.12g}"))).runs["only"]
+        assert changed.trajectory.duration < 0.95 * result.trajectory.duration
+
+
+def test_a_lower_frequency_is_suggested_if_the_robot_does_not_follow_the_weave():
+    robot = JOB + "plant: {kp: 20 1/s, kv: 150 1/s}\n"
+    error = run(parse_job(robot + "accuracy: 3 mm\n")).runs["only"].verdict.off_drawing
+    text = f"{robot}accuracy: {0.9 * error:.9f}\n"
+    result, value = advised(text, "frequency")
+    assert result.kept is False and value < 2.0
+    assert run(parse_job(text.replace("2 Hz", f"{value:.12g}"))).runs["only"].kept is True
+
+
 def test_a_woven_seam_with_a_tool_axis_per_waypoint_is_executed_without_a_stop(tmp_path):
     angles = np.linspace(0, 2 * np.pi, 49)
     rows = ["x [mm],y [mm],z [mm],ax,ay,az"]

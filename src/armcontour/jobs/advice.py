@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import floor, inf, log10
@@ -39,6 +39,8 @@ TOLERANCE_FACTOR = 2.0
 MIN_SAVING = 2e-3
 # Factors of the assigned velocity that are tried to repair a run, the smallest change first.
 SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
+# Factors of the pitch of a weave that are tried to repair a run, the smallest change first.
+PITCH_FACTORS = (1.25, 1.6, 2.5)
 # Reserves for the servo that are tried to repair a run, as fractions of acceleration, the smallest
 # change first.
 RESERVES = (0.1, 0.2, 0.4)
@@ -207,7 +209,10 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
             yield [candidate]
     assigned = kinds.get(ASSIGNED, 0.0)
     cornering = 1 - assigned - sum(kinds.get(x, 0.0) for x in (RAPIDS, DWELLS))
-    weaves = _faster_weave(job, result, assigned)
+    weaves = chain(
+        _faster_weave(job, result, assigned),
+        _longer_pitches(job, result, cornering, [LIMIT_FACTOR]),
+    )
     corners = _wider_corners(job, result, cornering)
     for candidate in chain(weaves, corners):
         yield [candidate]
@@ -244,6 +249,39 @@ def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candid
         expected_saving=share * (1 - 1 / LIMIT_FACTOR),
         condition=IF_PROCESS,
     )
+
+
+def _longer_pitches(
+    job: Job, result: RunResult, share: float, factors: Sequence[float]
+) -> Iterator[_Candidate]:
+    """Yield changes to a weave with fewer waves per length, by each of the factors.
+
+    - `share`: fraction of the duration in which the curves of the weave limit the speed.
+    """
+    weave = job.process.weave
+    if weave is None:
+        return
+    for factor in factors:
+        if weave.pitch is not None:
+            key = "pitch"
+            unit = "m"
+            old = weave.pitch
+            new = _rounded(old * factor)
+        else:
+            assert weave.frequency is not None
+            key = "frequency"
+            unit = "Hz"
+            old = weave.frequency
+            new = _rounded(old / factor)
+        verb = "Raise" if new > old else "Lower"
+        yield _Candidate(
+            label=f"{verb} the {key} of the weave {_describe_change(old, new, unit)}",
+            edits=((f"process.weave.{key}", new),),
+            job=replace(job, process=replace(job.process, weave=replace(weave, **{key: new}))),
+            run=result.run,
+            expected_saving=share * (1 - 1 / factor),
+            condition=IF_PROCESS,
+        )
 
 
 def _raised_limit(
@@ -345,6 +383,8 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         label = f"Compensate the servo by {inverse.method}"
         edits = (("compensation.method", inverse.method),)
         yield [_Candidate(label=label, edits=edits, job=job, run=changed)]
+    if weaves := [*_longer_pitches(job, result, 0.0, PITCH_FACTORS)]:
+        yield weaves
     if run.timing.method == Method.OPTIMAL:
         yield [_change_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
     speed = run.limits.speed

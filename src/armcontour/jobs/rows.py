@@ -26,6 +26,7 @@ from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution
 from armcontour.planning import Explanation
+from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
 from armcontour.robot import Arm, compare_limits
@@ -165,6 +166,8 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
         note = f"{number(share, '1')} of the time"
         if limit == ASSIGNED and (travel := weave_speed(result)) is not None:
             note += f"; the weave travels at {number(travel, 'm/s')}"
+        elif limit not in (ASSIGNED, RAPIDS, DWELLS) and is_woven(result):
+            note += "; the path weaves"
         yield Row("time_limit", limit, "", "time limited by", note, VERDICT)
 
 
@@ -265,6 +268,11 @@ def weave_speed(result: RunRecord) -> float | None:
         return None
     speeds = [x.woven.frequency * x.woven.pitch for x in contours if x.woven is not None]
     return next((x for x in speeds if x > 0), None)
+
+
+def is_woven(result: RunRecord) -> bool:
+    """Return whether all contours are woven, so that limits of curves apply to the weave."""
+    return all(x.woven is not None for x in result.path.contours)
 
 
 def with_worst_execution(result: RunRecord, data: Data) -> Data:

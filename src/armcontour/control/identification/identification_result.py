@@ -342,9 +342,9 @@ class Identification(Result, Frozen):
     def _keep_assumed(
         self, assumed: ServoModel, parameters: dict[str, list[float]], orders: list[str]
     ) -> None:
-        """Write the assumed servo of joints that no log moves into lists with a value per joint.
+        """Write the assumed servo of the joints that no log moves.
 
-        - `parameters`: the values of each parameter of `JointServo`.
+        - `parameters`: list with a value per joint for each parameter of `JointServo`.
         - `orders`: the orders of the servos.
         """
         given = assumed.for_joints(len(self.joints))

@@ -394,6 +394,10 @@ document.addEventListener("click", (event) => {
 window.addEventListener("hashchange", openTarget);
 document.addEventListener("toggle", drawOpen, { capture: true });
 window.addEventListener("beforeprint", preparePaper);
+for (const button of document.querySelectorAll("header .print")) {
+  button.hidden = false;
+  button.addEventListener("click", () => print());
+}
 window.addEventListener("afterprint", leavePaper);
 let resized = 0;
 window.addEventListener("resize", () => {

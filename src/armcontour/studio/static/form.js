@@ -20,7 +20,7 @@ import { computed, html, render, signal, useComputed, useLayoutEffect, useRef, u
 /**
  * A field, see `tools/job_form.py`; `at` is its key if it is in a group. A number that is typed without a unit has the unit
  * `typed` if the key has no value; one that the file has without a unit has the unit `unit`.
- * @typedef {{name: string, at?: string, label?: string, text?: string, unit?: string, example?: string, default?: any, choices?: any[],
+ * @typedef {{name: string, at?: string, label?: string, called?: string, text?: string, unit?: string, example?: string, default?: any, choices?: any[],
  *   typed?: string, open?: boolean, tick?: boolean, plain?: boolean, list?: boolean, needed?: boolean, usual?: [number, number], fields?: Field[],
  *   each?: Field, items?: Field[]}} Field
  */
@@ -274,7 +274,7 @@ const SYNONYMS = /** @type {Record<string, string>} */ ({ exclude: "layers", dwe
 
 /** @param {Field} f @returns {boolean} true if a search finds its own words */
 const isNamed = (f) => {
-  const own = ` ${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.text ?? ""}`.toLowerCase();
+  const own = ` ${f.name.replaceAll("_", " ")} ${f.name} ${f.label ?? ""} ${f.called ?? ""} ${f.text ?? ""}`.toLowerCase();
   const sought = wanted.value.toLowerCase();
   return own.includes(` ${sought}`) || own.includes(` ${SYNONYMS[sought] ?? sought}`);
 };
@@ -288,11 +288,11 @@ const isSet = (f, key) => writtenAt(key).written !== undefined || Boolean(f.labe
 /** @param {{at: Key}} props */
 const Refusal = ({ at }) => {
   const sentence = useComputed(() => refusals.value[at.join(".")] ?? "");
-  return html`${sentence.value && html`<p class="refused" role="alert">${sentence}</p>`}`;
+  return html`${sentence.value && html`<p class="refused" role="alert">${shownText(sentence.value)}</p>`}`;
 };
 
 /** A field with one value, or one for each joint. @param {Props} props */
-function Leaf({ f, at, label = f.label ?? f.name }) {
+function Leaf({ f, at, label = f.label ?? f.called ?? f.name }) {
   const joints = useComputed(() => JSON.stringify(jointsAt(at)));
   const all = /** @type {Key[]} */ (JSON.parse(joints.value));
   if (!all.length) return html`<${One} f=${f} at=${at} label=${label} />`;
@@ -337,7 +337,7 @@ function One({ f, at, label = f.name }) {
   useLayoutEffect(() => void (place.current?.contains(document.activeElement) && (help.value = title)), [title]);
   // A number that is typed for a prismatic joint has the shown unit; the server reads it.
   const typed = row?.linear ? { ...f, plain: false } : f;
-  let control = html`<${Entry} ...${more} value=${value} placeholder=${shownText(hintOf(f))} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(typed, typedField(text, lengthUnit)))} />`;
+  let control = html`<${Entry} ...${more} value=${value} placeholder=${shownText(hintOf(f, Boolean(row?.linear)))} list=${f.choices && `${id}-known`} send=${(/** @type {string} */ text) => set(at, text === "" ? "" : readAs(typed, typedField(text, lengthUnit)))} />`;
   if (f.choices && !isChosen)
     control = html`${control}<datalist id=${`${id}-known`}>${f.choices.map((x) => html`<option value=${String(x)} />`)}</datalist>`;
   if (f.tick) control = html`<input type="checkbox" ...${more} checked=${written ?? f.default ?? false} onChange=${(/** @type {any} */ e) => set(at, e.target.checked)} />`;
@@ -374,9 +374,9 @@ function typedUnitOf(f, at) {
   return /^[-+]?[\d.]+(?:e[-+]?\d+)? (\S.*)$/i.exec(String(f.default))?.[1] ?? f.typed;
 }
 
-/** @param {Field} f @returns {string} */
-function hintOf(f) {
-  const example = f.example ? `e.g. ${f.example}` : "";
+/** Return what an empty field shows. The examples are those of revolute joints. @param {Field} f @param {boolean} isLinear @returns {string} */
+function hintOf(f, isLinear) {
+  const example = f.example && !isLinear ? `e.g. ${f.example}` : "";
   return f.default === undefined ? example || (f.needed ? "" : "none") : String(f.default);
 }
 

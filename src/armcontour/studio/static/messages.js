@@ -27,10 +27,11 @@ const MOST = 4;
  */
 export function notify(sentence, look = "notice") {
   const region = find("#messages");
-  const old = [...region.querySelectorAll(".passing")].filter((m) => m.firstChild?.textContent === sentence);
+  const text = shownText(sentence);
+  const old = [...region.querySelectorAll(".passing")].filter((m) => m.firstChild?.textContent === text);
   old.forEach((m) => m.remove());
   const close = make("button", { type: "button", text: "×", "aria-label": "Close this message", onclick: () => message.remove() });
-  const message = make("div", { class: `message passing ${look}` }, [make("span", { text: sentence }), close]);
+  const message = make("div", { class: `message passing ${look}` }, [make("span", { text }), close]);
   region.append(message);
   // Lasting messages, such as refusals, stay in their places, also while they are hidden.
   while (region.querySelectorAll(".passing").length > MOST) region.querySelector(".passing")?.remove();

@@ -33,20 +33,23 @@ function converted(text, size, digits = DIGITS) {
   return sign + (text.includes("−") ? rounded.replace("-", "−") : rounded);
 }
 
-/** Return a text with its lengths and speeds in the shown unit. @param {string} text @returns {string} */
+/** Return a text of the server as the page shows it: lengths and speeds in the shown unit, code without backticks. @param {string} text @returns {string} */
 export function shownText(text) {
-  if (!inches.value || typeof text !== "string") return text;
-  return text.replace(QUANTITIES, (_all, /** @type {string} */ number, /** @type {string} */ unit, /** @type {number} */ at) => {
+  if (typeof text !== "string") return text;
+  const plain = text.replaceAll("`", "");
+  if (!inches.value) return plain;
+  return plain.replace(QUANTITIES, (_all, /** @type {string} */ number, /** @type {string} */ unit, /** @type {number} */ at) => {
     const [name, size] = SHOWN[unit];
-    return `${converted(number, size, BOUND.test(text.slice(0, at)) ? 1 : DIGITS)} ${name}`;
+    return `${converted(number, size, BOUND.test(plain.slice(0, at)) ? 1 : DIGITS)} ${name}`;
   });
 }
 
 /** Return a figure of the server in the shown unit; its value stays in SI. @template {{text: string, unit: string, note?: string}} Row @param {Row} row @returns {Row} */
 export function shownRow(row) {
   const [unit, size] = SHOWN[row?.unit] ?? [];
-  if (!inches.value || !row) return row;
+  if (!row) return row;
   const note = row.note && shownText(row.note);
+  if (!inches.value) return { ...row, note };
   if (!unit || !size) return { ...row, note };
   return { ...row, note, unit, text: row.text.replace(new RegExp(NUMBER, "g"), (number) => converted(number, size, BOUND.test(row.text.split(number)[0]) ? 1 : DIGITS)) };
 }
