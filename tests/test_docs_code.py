@@ -63,8 +63,8 @@ def folder(tmp_path, monkeypatch):
     def make(page):
         folder_of_page = tmp_path / page.replace("/", " ")
         folder_of_page.mkdir(exist_ok=True)
-        for x in (ROOT / "examples/drawings").iterdir():
-            shutil.copy(x, folder_of_page)
+        for x in (folder_of_page, folder_of_page / "examples/drawings"):
+            shutil.copytree(ROOT / "examples/drawings", x, dirs_exist_ok=True)
         data = ROOT / "tests/files/robots/data"
         shutil.copy(data / "joint_limits.yaml", folder_of_page)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')

@@ -167,6 +167,11 @@ def test_an_arm_is_named_wherever_one_is_an_argument() -> None:
             use(IN_SPACE, "ur55")  # type: ignore[operator]
 
 
+def test_set_points_have_a_length() -> None:
+    set_points = ac.compensate(PLANNED, SERVO)
+    assert len(set_points) == len(set_points.q) == len(set_points.t)
+
+
 def test_options_of_an_arm_are_arguments() -> None:
     arm = ac.load_arm(URDF, base="base_link", tip="tcp")
     assert arm.dof == 4
@@ -180,6 +185,7 @@ def names() -> dict[str, object]:
     set_points = ac.compensate(planned, SERVO)
     plant = ac.ServoPlant(UR5E, SERVO)
     executed = ac.simulate(set_points, plant)
+    evaluation = ac.evaluate(executed, IN_SPACE)
     return {
         "ac": ac,
         "np": np,
@@ -198,7 +204,9 @@ def names() -> dict[str, object]:
         "executed": executed,
         "plant": plant,
         "servo": SERVO,
-        "error": ac.evaluate(executed, IN_SPACE),
+        "program": ac.read_path(DRAWING),
+        "evaluation": evaluation,
+        "error": evaluation.contour_error,
         "result": planned,
         "frame": ac.Frame((0.1, 0.0, 0.0)),
         "rotation": np.diag([1.0, -1.0, -1.0]),
@@ -218,8 +226,8 @@ def test_every_form_that_messages_write_is_valid(tmp_path: Path) -> None:
     namespace = names()
     forms = {x for table in FORMS.values() for x in table.values()} | set(MADE_BY.values())
     # Other tests identify logs, and read jobs and logs.
-    skipped = {"ac.identify(logs)", "ac.read_job(file)", "ac.read_log(file)"}
-    assert skipped <= forms
+    skipped = {x for x in forms if re.match(r"ac\.(identify\(logs|read_job\(file|read_log)", x)}
+    assert len(skipped) == 5
     for form in sorted(forms - skipped):
         reads = "read_path(file" in form or "read_job(file" in form
         namespace["file"] = DRAWING if reads else tmp_path / "out.csv"
@@ -233,7 +241,7 @@ def test_guesses_name_attributes_that_exist() -> None:
     wrong = {guess: x for guess, right in SAME.items() for x in right if x not in known}
     assert not wrong
     owners = {x.__name__ for x in classes} | {*ac.__all__, "armcontour", "Path.arc"}
-    assert not set(FORMS) - owners - {"Path.polyline", "ErrorProfile"}
+    assert not set(FORMS) - owners - {"Path.polyline", "ErrorProfile", "Identification", "Picture"}
     # A guess that is right would never be explained.
     for x in classes:
         assert not {k for k in FORMS.get(x.__name__, ()) if hasattr(x, k)}
@@ -274,6 +282,13 @@ GUESSES = [
     (lambda: ac.load_arm("ur5e", payload=1.5), "ac.Payload(mass)"),
     (lambda: ac.identify("log.csv"), "ac.read_log(file)"),
     (lambda: ac.run("job.yaml"), "ac.read_job(file)"),
+    (lambda: PLANNED.plot().savefig("plan.png"), "planned.plot().write_html(file)"),
+    (lambda: ac.read_path(DRAWING).bounds, "vertices"),
+    (lambda: ac.read_path(DRAWING, tolerance=1e-3), "ac.round_corners(path, tolerance=radius)"),
+    (lambda: PLANNED.limited_by, "planned.explain()"),
+    (lambda: PLANNED.summary(), "print(planned)"),
+    (lambda: ac.compensate(PLANNED, SERVO).to_pandas(), "np.column_stack"),
+    (lambda: ROUNDED.plot(arm=ARM), "it takes kind"),
     (lambda: ac.simulate(PLANNED, ARM), "ac.compensate(planned, servo)"),
 ]
 

@@ -291,6 +291,14 @@ class Studio:
             self.find("#panel-close").click()
         self.find(f"#tab-button-{name}").click()
 
+    def select_contour(self, row: int) -> None:
+        """Select the contour of a row of the list, which a click on a selected one would undo."""
+        self.tab("contours")
+        button = self.find("ol.contours button[aria-pressed]").nth(row)
+        if button.get_attribute("aria-pressed") == "false":
+            button.click()
+        self.wait_for("ol.contours button[aria-pressed=true]")
+
     def choose_run(self, name: str) -> None:
         """Show another run."""
         self.find("#run").select_option(name)

@@ -21,6 +21,11 @@ from tools.studio_page import Studio, browsing, serving
 FOLDER = Path(__file__).parent
 BRACKET = ROOT / "examples" / "drawings" / "bracket.step"
 GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
+CELLS = ROOT / "src" / "armcontour" / "files" / "cells"
+# Cells in which the servos of the simulated robot have gains that differ by 1 % from the assumed
+# ones, up and down from joint to joint; numbers of joints by cell.
+JOINTS = {"ur5e": 6, "ur10e_positioner": 9}
+KP, KV = 25.0, 150.0  # assumed gains of these cells [1/s]
 DRAWN = 2000.0  # time in which plots draw themselves [ms]
 FRAMES = 40  # of the moving picture
 LONGEST_FRAME = 250  # [ms], so that a slow motion is shown faster
@@ -153,11 +158,16 @@ def show_studio(browser: Browser, folder: Path) -> None:
     os.environ["XDG_STATE_HOME"] = str(folder / "state")
     for file in (GASKET, BRACKET, paper):
         shutil.copy(file, folder)
+    for cell, count in JOINTS.items():
+        off = [0.01 * (-1) ** k for k in range(count)]
+        plant = {"kp": [KP * (1 + x) for x in off], "kv": [KV * (1 - x) for x in off]}
+        text = (CELLS / f"{cell}.yaml").read_text(encoding="utf-8")
+        (folder / f"{cell}.yaml").write_text(f"{text}\nplant: {plant}\n", encoding="utf-8")
     for show, arguments in (
         (show_start, ()),
         (show_demo, (paper.name,)),
-        (show_gasket, (GASKET.name, "--cell", "ur5e")),
-        (show_edges, (BRACKET.name, "--cell", "ur10e_positioner")),
+        (show_gasket, (GASKET.name, "--cell", "ur5e.yaml")),
+        (show_edges, (BRACKET.name, "--cell", "ur10e_positioner.yaml")),
     ):
         with serving(*arguments, folder=folder) as server:
             studio = Studio(browser, server, size=(1440, 900))

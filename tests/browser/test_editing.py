@@ -379,7 +379,7 @@ def test_all_corners_are_one_stop_of_the_tab_key(studio, folder):
 
 
 def test_no_contour_of_another_job_is_selected(studio, folder):
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
     (folder / "other.yaml").write_text(JOB)
     studio.open(folder / "other.yaml")
@@ -391,7 +391,7 @@ def test_no_contour_of_another_job_is_selected(studio, folder):
 
 
 def test_a_pierce_after_a_lead_in_is_planned_and_both_are_added_by_one_click(studio):
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     section = studio.find("section[aria-label='Selected contour']")
     for name in ("lead in", "pierce"):
         with studio.changing():
@@ -412,7 +412,7 @@ def test_the_search_of_settings_ends_when_another_job_is_opened(studio, folder):
 
 
 def test_speed_of_a_contour_above_that_of_the_job_is_told_with_a_remedy(studio):
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     section = studio.find("section[aria-label='Selected contour']")
     field = section.locator(".setting[data-key$='.speed']")
     entry = field.locator("input[type=text]")

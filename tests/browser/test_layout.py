@@ -79,8 +79,7 @@ def test_no_text_is_cut_or_over_another_one(size, pages):
     for side in ("contours", "process", "robot", "notes"):
         open_settings(studio, side)
         check(studio, (width, side))
-    studio.tab("contours")
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     check(studio, (width, "a contour"))
     studio.tab("process")
     # A run that is not kept has longer figures, and its settings are changed.
@@ -142,7 +141,7 @@ def test_narrow_pages_show_the_stage_and_targets_for_fingers(size, pages):
     expect(studio.find("[data-figure=off_drawing]")).to_contain_text("of 0.5 mm")
     expect(studio.find("[data-figure=off_drawing] .of")).to_be_visible()
     assert not small_targets(studio.page)
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     expect(studio.find("ol.contours [aria-pressed=true]")).to_have_count(1)
     studio.find("#tab-button-contours").press("Escape")
     expect(studio.find("#panel")).to_be_hidden()
@@ -202,7 +201,7 @@ def test_120_contours_are_listed(pages, folder):
     expect(studio.find("ol.contours li")).to_have_count(120)
     check(studio, "120 contours")
     # The last row is reached in the list, and its contour is shown.
-    studio.find("ol.contours button").last.click()
+    studio.select_contour(-1)
     check(studio, "120 contours")
 
 

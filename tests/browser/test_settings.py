@@ -152,7 +152,7 @@ def test_settings_of_a_layer_do_not_change_other_layers(studio):
 def test_settings_change_the_selected_contour_only(studio):
     before = planned(studio)
     studio.page.get_by_role("tab", name="Contours").click()
-    studio.find("ol.contours button").nth(1).click()
+    studio.select_contour(1)
     # A number without a unit has the unit of the speed of all contours.
     data, slow = change(studio, **{"path__contours__FINE-1__speed": "20"})
     assert data["path"]["contours"] == {"FINE-1": {"speed": "20 mm/s"}} and slow > before
@@ -162,7 +162,7 @@ def test_settings_change_the_selected_contour_only(studio):
     with studio.renewing():
         studio.slider("path.contours.FINE-1.speed").locator(".unset").click()
     assert planned(studio) < slow
-    studio.find("ol.contours button").nth(0).click()
+    studio.select_contour(0)
     expect(studio.slider("path.contours.CUT-1.speed").locator("input")).to_have_value("")
 
 
@@ -256,8 +256,7 @@ def test_the_choice_of_job_or_run_says_where_a_change_goes(studio):
     studio.slider("corners.tolerance").locator("input[type=text]").focus()
     expect(for_job).to_have_attribute("aria-pressed", "true")
     # A contour without its own speed has that of the run.
-    studio.tab("contours")
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     own = studio.find("#panel [aria-label='Selected contour'] [data-key$='.speed'] input").first
     expect(own).to_have_attribute("placeholder", "25 mm/s")
     studio.page.keyboard.press("Escape")
@@ -285,7 +284,7 @@ def test_narrow_pages_have_a_menu_and_large_targets(pages):
     studio.begin()
     planned(studio)
     studio.find("#panel-open").click()
-    studio.find("ol.contours button").first.click()
+    studio.select_contour(0)
     small = [
         x.get_attribute("aria-label") or x.inner_text()
         for x in studio.find("#bar, #viewbar, #panel").locator("button, select, summary").all()
@@ -328,9 +327,7 @@ def test_usual_values_of_leads_and_pierces_fit_together_and_are_named(studio):
 
 def test_a_refused_change_of_a_contour_stays_when_another_one_is_selected(studio):
     planned(studio)
-    studio.tab("contours")
-    rows = studio.find("ol.contours button[aria-pressed]")
-    rows.first.click()
+    studio.select_contour(0)
     own = studio.find("#panel [aria-label='Selected contour']")
     tolerance = own.locator("[data-key$='.tolerance'] input").first
     tolerance.fill("-1 mm")
@@ -338,15 +335,14 @@ def test_a_refused_change_of_a_contour_stays_when_another_one_is_selected(studio
     refused = studio.find("#panel .refused")
     expect(refused).to_have_count(1)
     sentence = refused.inner_text()
-    rows.last.click()
+    studio.select_contour(-1)
     elsewhere = studio.find("#panel [data-refused]")
     expect(elsewhere).to_contain_text(sentence)
-    rows.first.click()
+    studio.select_contour(0)
     expect(elsewhere).to_have_count(0)
     expect(refused).to_have_count(1)
     tolerance.press("Escape")
     expect(refused).to_have_count(0)
-    rows.first.click()
 
 
 def test_an_added_part_of_the_process_opens_and_offers_the_repair_of_its_refusal(studio):

@@ -85,6 +85,8 @@ def shown(page, folder, text, name="other.yaml"):
     file.write_text(text)
     page.open(file)
     page.page.keyboard.press("Escape")
+    # No tool of an earlier test is used.
+    page.find("#view2d").press("v")
     page.find("#viewbar").get_by_role("button", name="Both").click()
     page.wait_for("#view3d canvas")
     return page
@@ -114,15 +116,20 @@ def grip(studio, axis):
     return studio.find(f".gizmo-grip[data-axis='{axis}']")
 
 
-def origin_of(studio):
-    """Where the origin of the gizmo is on the page [px]; arrows begin at 16 % of their length."""
-    arrow = grip(studio, 2).locator(".target[d]")
+def points_of(studio, axis, part):
+    """Points of an arrow or of the ring of the gizmo, which stands still, in the canvas [px]."""
+    line = grip(studio, axis).locator(f"{part}[d]")
     # The view follows the first motion of a job.
     before = ""
-    while before != arrow.get_attribute("d"):
-        before = arrow.get_attribute("d")
+    while before != line.get_attribute("d"):
+        before = line.get_attribute("d")
         studio.page.wait_for_timeout(400)
-    ends = np.array(re.findall(r"([-\d.]+) ([-\d.]+)", before), dtype=float)
+    return np.array(re.findall(r"([-\d.]+) ([-\d.]+)", before), dtype=float)
+
+
+def origin_of(studio):
+    """Where the origin of the gizmo is on the page [px]; arrows begin at 16 % of their length."""
+    ends = points_of(studio, 2, ".target")
     box = studio.find("#view3d canvas").bounding_box()
     return [box["x"], box["y"]] + ends[0] - 0.16 / 0.84 * (ends[1] - ends[0])
 
@@ -153,10 +160,9 @@ def test_gizmo_raises_the_part_in_steps_of_5_mm_and_the_arm_follows(cell):
 def test_ring_turns_the_part_about_its_middle_and_shift_is_fine(cell):
     cell.rest()
     cell.page.keyboard.press("g")
-    ring = grip(cell, 3).locator(".seen[d]")
-    points = re.findall(r"([\d.]+) ([\d.]+)", ring.get_attribute("d"))
+    point = points_of(cell, 3, ".seen")[6]
     box = cell.find("#view3d canvas").bounding_box()
-    x, y = (float(v) + box[k] for v, k in zip(points[6], ("x", "y"), strict=True))
+    x, y = point + [box["x"], box["y"]]
     mouse = cell.page.mouse
     mouse.move(x, y)
     mouse.down()
@@ -208,11 +214,8 @@ def test_part_out_of_reach_says_so_while_it_is_dragged(cell):
         cell.find(".place-box").get_by_label("X").press("Enter")
     # The keys are those of the page again.
     cell.page.keyboard.press("f")
+    (ax, ay), (bx, by) = points_of(cell, 0, ".target")
     with cell.grabbing(grip(cell, 0)) as (x, y):
-        place = re.findall(
-            r"([\d.]+) ([\d.]+)", grip(cell, 0).locator(".target[d]").get_attribute("d")
-        )
-        (ax, ay), (bx, by) = ((float(u), float(v)) for u, v in place)
         for k in range(1, 12):
             cell.page.mouse.move(x + k * (bx - ax) / 3, y + k * (by - ay) / 3)
         cell.wait_for(".gizmo-figure[data-out=true]")

@@ -57,7 +57,9 @@ def duration_of(studio):
 
 
 def wait_for_part(studio, before):
-    studio.wait_for(f"{TRACK}:not([data-begin='{before[0]}'][data-end='{before[1]}'])")
+    """Wait for another part than the one before; return it."""
+    begin, end = (repr(x).removesuffix(".0") for x in before)
+    studio.wait_for(f"{TRACK}:not([data-begin='{begin}'][data-end='{end}'])")
     return part_of(studio)
 
 

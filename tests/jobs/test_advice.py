@@ -28,6 +28,7 @@ CORNER = {
 }
 LATE = {"compensation": {"method": "none"}}
 ZIGZAG = [[0.30 + 0.02 * k, 0.20 + 0.03 * (k % 2)] for k in range(6)]
+SLOW_JOINT = {"limits": {"speed": "1 m/s", "joint_velocity": [0.3, 0.2]}}
 SPEED = {"limits": {"speed": "50 mm/s"}}
 BOUNDS = [[-0.5, 0.72], [-0.72, 0.6]]
 HOLES = "".join(f'<circle cx="{x}" cy="{y}" r="6"/>' for x, y in ((20, 20), (90, 90), (90, 20)))
@@ -44,13 +45,14 @@ JOBS = {
     "sharp": {"corners": "sharp"},
     "two-sided": {"limits": {**CORNER["limits"], "joint_acceleration": BOUNDS}},
     "fast": {"limits": {"speed": "1 m/s"}, "corners": {"tolerance": "5 mm"}},
-    "slow joint": {"limits": {"speed": "1 m/s", "joint_velocity": [0.3, 0.2]}},
+    "slow joint": {**SLOW_JOINT, "runs": {"one": LATE}, "accuracy": "15 mm"},
+    "slow joint, compensated": SLOW_JOINT,
     "holes": {"path": {"file": "holes.svg", "frame": {"position": [0.28, 0.08, 0]}}},
     "too wide": {"corners": {"tolerance": "10 mm"}, "accuracy": "1 mm"},
     "late": {"runs": {"one": LATE}, "corners": {"tolerance": "0.2 mm"}, "accuracy": "0.21 mm"},
     "soft": {"plant": {"kp": 12}},
 }
-REPAIRED = ("too wide", "late", "soft")
+REPAIRED = ("too wide", "late", "soft", "slow joint, compensated")
 
 
 def run_of(data, folder):

@@ -164,6 +164,89 @@ def test_the_distance_of_a_program_from_the_drawing_is_that_of_its_worst_contour
     assert run.judge({"measured": Errors(contour=errors)}).off_drawing == max(sums)
 
 
+def limited_run(**changes):
+    """A run whose plan moves both joints at their largest velocity, 0.3 rad/s."""
+    limits = {**JOB["limits"], "joint_velocity": 0.3}
+    (run,) = runs_of(
+        **{"limits": limits, "accuracy": 3e-3, "runs": {"one": {}}, **changes}
+    ).values()
+    return run
+
+
+def excess_of_set_points(run):
+    """How much faster than 0.3 rad/s the set-points move, by their definition [rad/s]."""
+    return np.abs(np.diff(run.set_points.q, axis=0)).max() / run.set_points.cycle - 0.3
+
+
+def test_a_run_with_set_points_above_a_joint_velocity_is_not_kept():
+    run = limited_run()
+    assert excess_of_set_points(run) > 0.01 and run.verdict.off_drawing < 3e-3
+    assert run.kept is False and run.verdict.requirement == "limits"
+    # The verdict tells what is violated, and what is kept.
+    data = run.to_data()
+    assert data["kept"].value is False
+    assert "joint_velocity" in data["kept"].note and "3 mm" in data["kept"].note
+    assert len(run.warnings) == 1
+    limited = limited_run(command_limits={"joint_velocity": 0.3})
+    assert excess_of_set_points(limited) < 1e-9 and limited.kept is True
+    assert limited.verdict.violations == () and "joint_velocity" not in str(limited.verdict)
+    # Another requirement that is violated comes first; the limit is named as well.
+    both = limited_run(accuracy=1e-6)
+    assert (
+        both.verdict.requirement == "accuracy" and "joint_velocity" in both.to_data()["kept"].note
+    )
+    # Without an allowed error, the limit alone decides.
+    sharp = limited_run(accuracy=None, corners="sharp")
+    assert sharp.kept is False and sharp.verdict.requirement == "limits"
+    # Set-points that are not compensated are those of the plan, which keeps the limit.
+    late = limited_run(runs={"one": {"compensation": {"method": "none"}}}, accuracy=20e-3)
+    assert excess_of_set_points(late) < 1e-6 and late.kept is True
+
+
+def test_a_run_with_set_points_beyond_a_joint_range_is_not_kept():
+    (free,) = runs_of(accuracy=3e-3, runs={"one": {}}).values()
+    assert free.kept is True
+    times = np.linspace(0, free.trajectory.duration, 5000)
+    planned = free.trajectory(times)[:, 1].max()
+    commanded = free.set_points.q[:, 1].max()
+    assert commanded > planned
+    upper = {"joint_upper": [3.0, float((planned + commanded) / 2)]}
+    limits = {**JOB["limits"], **upper}
+    (run,) = runs_of(limits=limits, accuracy=3e-3, runs={"one": {}}).values()
+    assert run.trajectory.duration == pytest.approx(free.trajectory.duration, rel=1e-9)
+    assert run.kept is False and run.verdict.requirement == "limits"
+    (limited,) = runs_of(
+        limits=limits, command_limits=upper, accuracy=3e-3, runs={"one": {}}
+    ).values()
+    assert limited.kept is True and (limited.set_points.q[:, 1] <= upper["joint_upper"][1]).all()
+
+
+@needs_dynamics
+def test_a_run_that_comes_too_near_to_an_obstacle_in_the_execution_is_not_kept():
+    """The servo overshoots the end of the line, behind which is a post."""
+    post = {"type": "box", "name": "post", "at": [0.46, 0.20, 0], "size": [0.01, 0.01, 0.1]}
+
+    def run_with(margin):
+        (run,) = runs_of(
+            path={"points": [[0.30, 0.20], [0.40, 0.20]]},
+            limits={"speed": 0.25},
+            plant={"kp": 25, "kv": 30},
+            scene={"obstacles": [post], "margins": {"environment": margin}},
+            accuracy=20e-3,
+            runs={"one": {"compensation": {"method": "none"}}},
+        ).values()
+        return run
+
+    free = run_with(1e-3)
+    planned = free.clearance.low
+    executed = free.executed_clearance.least.high
+    assert free.kept is True and executed < planned - 1e-4
+    near = run_with(float(planned + executed) / 2)
+    assert near.kept is False and near.verdict.requirement == "limits"
+    note = near.to_data()["kept"].note
+    assert "post" in note and "20 mm" in note
+
+
 METHODS = ("inverse", "inverse_dynamics", "pole_placement", "none", None)
 
 

@@ -1,6 +1,7 @@
 """Message frames of plans and executions."""
 
 import copy
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -421,3 +422,29 @@ def test_a_motion_of_minutes_is_planned_but_not_simulated(previewer, paper):
     planned = previewer.plan(paper, "optimal")
     assert planned.trajectory.duration > 3000
     assert not previewer.may_execute(planned)
+
+
+def test_refusals_and_slow_points_name_the_line_of_g_code(paper, view, tmp_path):
+    """Moves of about 21 mm, whose corners are rounded by less than 1 mm."""
+    x = 350 + 2.0 * np.arange(12)
+    y = 100 + 21.0 * (np.arange(12) % 2)
+    moves = [f"N{10 * k} G1 X{x[k]} Y{y[k]}" for k in range(1, 12)]
+    program = "\n".join(["G21 G90 F30000", f"G0 X{x[0]} Y{y[0]}", *moves])
+    (tmp_path / "part.ngc").write_text(program)
+    planner = CoarsePlanner(tmp_path)
+    data = paper | {"path": {"file": "part.ngc"}}
+    planned = planner.plan(data, "optimal")
+    shortfalls = picture_frame(planned, view).header["shortfalls"]
+    assert len(shortfalls) > 3
+    ends = np.cumsum(np.hypot(np.diff(x), np.diff(y))) * 1e-3
+    for shortfall in shortfalls:
+        # Half of the rounding of each corner shortens the path.
+        s = shortfall["s"] * ends[-1] / planned.path.length
+        near = np.searchsorted(ends, [s - 2e-3, s + 2e-3]).clip(0, 10)
+        named = re.search(r", lines? ([0-9]+)(?: to ([0-9]+)|)", shortfall["sentence"])
+        lines = {int(x) for x in named.groups() if x}
+        assert lines & {3 + int(k) for k in near}
+    (tmp_path / "part.ngc").write_text(program.replace(f"X{x[7]} ", "X1900 "))
+    with pytest.raises(Unreachable) as caught:
+        CoarsePlanner(tmp_path).plan(data, "optimal")
+    assert "line 9 (N70)" in refusal_header(caught.value, view, tier=1)["sentence"]

@@ -73,6 +73,21 @@ def test_the_identified_servo_is_written_into_the_job(ask, file, log):
     session.close()
 
 
+def test_a_servo_is_offered_if_a_joint_rests_in_the_log(ask, robot, tmp_path):
+    """The joint that moves has its identified gains, the other one keeps those of the job."""
+    rows = robot.table(robot.execute())
+    rows[:, [2, 4]] = -1.0
+    frame = ask("identify", write_table(tmp_path / "resting.csv", rows))
+    assert frame.header["kept"] is True
+    (change,) = frame.header["changes"]
+    assert "command 2" in change["label"] or robot.job.arm.joint_names[1] in change["label"]
+    (edit,) = change["edits"]
+    assumed = np.broadcast_to(robot.job.servo.kp, 2)
+    assert edit["key"] == "servo"
+    np.testing.assert_allclose(edit["value"]["kp"], [TRUE.kp, assumed[1]], rtol=0.01)
+    assert edit["value"]["kp"][1] == assumed[1] != TRUE.kp
+
+
 def test_rounding_errors_of_the_clock_change_no_parameter(log):
     """Without a dead time, the best dead time is next to its bound, where searches creep."""
     logged = read_log(log)

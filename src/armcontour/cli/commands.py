@@ -377,6 +377,8 @@ class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
         interpolation: Command between set-points: linear or step; by default determined from
             the log.
         validate: Log that is used only to validate the model; may be repeated.
+        assumed: Job, or servo.yaml, whose gains are written for joints that do not move in the
+            logs; by default they have no model.
     """
 
     logs: Annotated[list[FilePath], typer.Argument(metavar="LOG...")]
@@ -387,6 +389,7 @@ class Identify(ControllerOptions, WindowOptions, SetOptions, Results, Json):
     model: str = "auto"
     interpolation: Text = None
     validate: list[FilePath] | None = None
+    assumed: File = None
 
 
 @command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")

@@ -26,7 +26,7 @@ from armcontour.core.quantities import Interval, Reserve
 from armcontour.core.render import plain
 from armcontour.core.result import Data, Row
 from armcontour.files import ResultFolder
-from armcontour.files.limits_and_servo_files import servo_yaml
+from armcontour.files.limits_and_servo_files import read_servo, servo_yaml
 from armcontour.files.log_file import log_text, read_log
 from armcontour.files.sources import recording_files
 from armcontour.motion import Log
@@ -34,6 +34,7 @@ from armcontour.motion.log import arrange_joints
 from armcontour.report.identification import render_identification
 from armcontour.report.origin import Origin
 from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
 
 if TYPE_CHECKING:
     from armcontour.controllers.robot_identification import RobotIdentification
@@ -70,7 +71,11 @@ def identify(options: Identify, folder: ResultFolder | None, progress: ProgressD
     printed = validated or [fit.predict(log) for log in fit.logs if arm is not None]
     predictions = (Row("predictions", [plain(x.to_data()) for x in validated]),) * bool(validated)
     origin = Origin(sources=sources)
-    return _outcome(fit, folder, {}, [x.to_data(arm) for x in printed], origin, predictions)
+    assumed = None
+    if options.assumed is not None:
+        assumed = read_servo(options.assumed, len(fit.joints))
+    further = [x.to_data(arm) for x in printed]
+    return _outcome(fit, folder, {}, further, origin, predictions, assumed)
 
 
 def _identify_robot(
@@ -84,7 +89,7 @@ def _identify_robot(
 
     count = len(options.logs)
     raise_if(count != 1, f"--on requires exactly one job, but {count} files are given.")
-    options_of_logs = ("arm", "validate", "columns", "topic", "start", "end")
+    options_of_logs = ("arm", "validate", "assumed", "columns", "topic", "start", "end")
     refuse_given(options, options_of_logs, "applies only to logs. Remove it, or remove --on.")
     raise_if(
         options.execute and folder is None,
@@ -147,27 +152,39 @@ def _outcome(
     further: Sequence[Data],
     origin: Origin,
     rows: tuple[Row, ...] = (),
+    assumed: ServoModel | None = None,
 ) -> Outcome:
     """Write the servo, the logs and the report.
 
     `further`: further results to print; `origin`: that of the report; `rows`: further rows of the
-    JSON output.
+    JSON output; `assumed`: servo of the joints that no log moves.
     """
     data = fit.to_data()
     servo = []
     if folder is not None:
         if any(y.written for y in fit.joints):
-            folder.write("servo.yaml", servo_yaml(fit))
+            folder.write("servo.yaml", servo_yaml(fit, assumed))
             servo = [f"Servo: {folder.folder / 'servo.yaml'}. Copy its key servo to a job file."]
+            if fit.resting:
+                servo.append(_describe_resting(fit, assumed))
         for name, log in logs.items():
             folder.write(f"{name}.csv", log_text(log))
         folder.write(REPORT, render_identification(fit, origin))
     lines = data_lines(data)
     for x in further:
         lines += data_lines(x)
+    trusted = fit.trusted if assumed is None else fit.moving_trusted
     code = PROVISIONAL if fit.judgement.programs == 1 else DONE
     return Outcome(
         lines=[*lines, *servo],
         page=plain(replace(data, rows=(*data.rows, *rows))),
-        code=code if fit.trusted else DOUBTFUL,
+        code=code if trusted else DOUBTFUL,
     )
+
+
+def _describe_resting(fit: Identification, assumed: ServoModel | None) -> str:
+    """Write what the servo file has for the joints that no log moves."""
+    names = ", ".join(fit.resting)
+    if assumed is None:
+        return f"No log moves {names}. To write assumed gains for them, add --assumed job.yaml."
+    return f"No log moves {names}; the file has the assumed gains for them."

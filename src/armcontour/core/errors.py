@@ -43,6 +43,8 @@ class ArmContourError(Exception):
         point: Coordinates of the position [m].
         index: Index of the wrong item in its input, from 0.
         s: Arc length of the position [m].
+        origin: Place in the file that defines the path at the position, such as "line 12 (N120)";
+            empty if unknown.
         t: Time of the event [s].
         joint: Index of the joint, from 0; the message counts joints from 1, as the paper does.
         limit: Name of the active limit.
@@ -64,6 +66,7 @@ class ArmContourError(Exception):
         point: Sequence[float] | None = None,
         index: int | None = None,
         s: float | None = None,
+        origin: str = "",
         t: float | None = None,
         joint: int | None = None,
         limit: str | None = None,
@@ -78,6 +81,7 @@ class ArmContourError(Exception):
         self.point = None if point is None else tuple(float(x) for x in point)
         self.index = index
         self.s = s
+        self.origin = origin
         self.t = t
         self.joint = joint
         self.limit = limit

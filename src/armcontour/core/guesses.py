@@ -235,6 +235,8 @@ FORMS: dict[str, dict[str, str]] = {
         "speed": "ac.Path.polyline(points, segment_limits=ac.SegmentLimits(speed=speed))",
     },
     "read_path": {
+        **dict.fromkeys("tolerance corner_tolerance radius".split(), _ROUND),
+        **dict.fromkeys("kerf offset".split(), "ac.prepare(path, ac.Process(kerf=width))"),
         **dict.fromkeys("unit units".split(), "ac.read_path(file, ac.ReadOptions(units='mm'))"),
         **dict.fromkeys(
             "layer layers".split(), "ac.read_path(file, ac.ReadOptions(layers=layers))"
@@ -247,6 +249,34 @@ FORMS: dict[str, dict[str, str]] = {
             "ac.load_arm(name, joint_limits=limits_file)",
         ),
     },
+    "Program": {
+        **dict.fromkeys(
+            "translate translated move moved shift shifted".split(), "program.placed((x, y, z))"
+        ),
+        **dict.fromkeys("transform transformed place".split(), "program.placed(frame)"),
+        **dict.fromkeys(
+            "rotate rotated turn turned".split(),
+            "program.placed(ac.Frame.rpy((x, y, z), angles))",
+        ),
+        **dict.fromkeys("scale scaled".split(), "program.placed((x, y, z), scale=factor)"),
+        **dict.fromkeys(
+            "bounds bounding_box bbox extents size".split(),
+            "np.concatenate([x.path.vertices for x in program.contours]).min(axis=0)",
+        ),
+        **dict.fromkeys("paths curves shapes".split(), "program.contours"),
+        **dict.fromkeys(
+            "vertices points corners".split(), "[x.path.vertices for x in program.contours]"
+        ),
+        **dict.fromkeys("show draw visualize figure".split(), "program.plot()"),
+    },
+    "Picture": {
+        **dict.fromkeys(
+            "save savefig write write_image to_html to_png to_svg".split(),
+            "planned.plot().write_html(file)",
+        ),
+        # A notebook shows the last expression of a cell.
+        "show": "planned.plot()",
+    },
     "JointPath": {
         **dict.fromkeys("joints points positions q values".split(), "ac.trace(path, arm)(s)"),
     },
@@ -256,7 +286,9 @@ FORMS: dict[str, dict[str, str]] = {
         ),
         **dict.fromkeys("velocity velocity_at".split(), "planned(t, 1)"),
         **dict.fromkeys("acceleration acceleration_at".split(), "planned(t, 2)"),
-        **dict.fromkeys("samples resample to_array to_numpy to_dataframe as_array".split(), _ROWS),
+        **dict.fromkeys(
+            "samples resample to_array to_numpy to_dataframe to_pandas as_array".split(), _ROWS
+        ),
         **dict.fromkeys(
             "save to_csv to_file write to_urscript export_csv".split(), "ac.export(planned, file)"
         ),
@@ -273,9 +305,11 @@ FORMS: dict[str, dict[str, str]] = {
         ),
         **dict.fromkeys("slow_down scale scaled stretch".split(), "planned.stretched(factor)"),
         **dict.fromkeys(
-            "active_limits active_limit limiting bottleneck bottlenecks".split(),
+            "active_limits active_limit limited_by limiting bottleneck bottlenecks".split(),
             "planned.explain()",
         ),
+        **dict.fromkeys("info report stats statistics summary".split(), "print(planned)"),
+        **dict.fromkeys("from_file load read".split(), _PLAN),
         "jerk": "planned(t, 3)",
     },
     "SetPoints": {
@@ -286,7 +320,7 @@ FORMS: dict[str, dict[str, str]] = {
         **dict.fromkeys("duration total_time".split(), "set_points.t[-1]"),
         **dict.fromkeys("plot show figure draw".split(), "set_points.trajectory.plot()"),
         **dict.fromkeys(
-            "as_array to_array to_dataframe to_numpy".split(),
+            "as_array dataframe to_array to_dataframe to_numpy to_pandas".split(),
             "np.column_stack([set_points.t, set_points.q])",
         ),
     },
@@ -301,17 +335,27 @@ FORMS: dict[str, dict[str, str]] = {
         "duration": "executed.t[-1]",
     },
     "ErrorProfile": {
-        "mean": "error.contour_error.values.mean()",
-        "percentile": "np.percentile(error.contour_error.values, 95)",
-        **dict.fromkeys("draw plot show".split(), "error.plot('error')"),
+        "mean": "error.values.mean()",
+        **dict.fromkeys("percentile quantile".split(), "np.percentile(error.values, 95)"),
+        **dict.fromkeys("draw plot show".split(), "evaluation.plot('error')"),
     },
     "Evaluation": {
         **dict.fromkeys(
-            "max max_contour_error max_error maximum peak worst".split(), "error.contour_error.max"
+            "max max_contour_error max_error maximum peak worst".split(),
+            "evaluation.contour_error.max",
         ),
-        **dict.fromkeys("rms rms_error rmse contour_rms mean".split(), "error.contour_error.rms"),
-        **dict.fromkeys("error errors contour".split(), "error.contour_error"),
-        **dict.fromkeys("show draw visualize figure".split(), "error.plot('error')"),
+        **dict.fromkeys(
+            "rms rms_error rmse contour_rms mean".split(), "evaluation.contour_error.rms"
+        ),
+        **dict.fromkeys("error errors contour".split(), "evaluation.contour_error"),
+        **dict.fromkeys("show draw visualize figure".split(), "evaluation.plot('error')"),
+    },
+    "Identification": {
+        **dict.fromkeys(
+            "gains kp kv model order dead_time servo parameters".split(),
+            "ac.identify(logs).servo_model()",
+        ),
+        **dict.fromkeys("unexplained error fit".split(), "ac.identify(logs).joints"),
     },
     "Arm": {
         **dict.fromkeys("from_urdf from_file load from_name".split(), _LOAD),

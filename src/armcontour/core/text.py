@@ -11,8 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeAlias
 
-from armcontour.core.lazy import load_method
-
 # Keys of a value in a file, from the outermost one; items of lists count from 0.
 Keys: TypeAlias = tuple[str | int, ...]
 # Maximum length of a key in a message [characters].
@@ -161,32 +159,6 @@ def short_repr(value: Any) -> str:
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
     )
     return f"{type(value).__name__}({members})"
-
-
-def draw(value: Any, kind: str = "path") -> Any:
-    """Draw a result as in the report: a picture that notebooks show and that you can save.
-
-        result.plot("error").write_html("error.html")
-
-    Args:
-        value: The result.
-        kind: "path", the path of the tool, the only kind of a path or a program; "joints",
-            positions, velocities and accelerations with limits (of a job's result, those of its
-            first run); "speed", the tool speed with the assigned velocity; "error", the contour
-            error.
-
-    Raises:
-        InvalidInput: The kind is unknown, or the result has no data of it.
-    """
-    return load_method("draw_result")(value, kind)
-
-
-def draw_as_html(value: Any) -> Any:
-    """Show a result in a notebook: its picture and its rows, as HTML without scripts.
-
-    Returns None if the result has no picture, so that the notebook shows its `repr`.
-    """
-    return load_method("result_as_html")(value)
 
 
 def _member(value: Any) -> str:

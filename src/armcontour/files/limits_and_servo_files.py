@@ -111,14 +111,19 @@ def read_servo(file: FilePath, dof: int) -> ServoModel:
         return servo.for_joints(dof)
 
 
-def servo_yaml(identification: Identification) -> str:
-    """Write the key `servo` of a job file as YAML, with identified values and their intervals."""
-    servo = identification.servo_model()
+def servo_yaml(identification: Identification, assumed: ServoModel | None = None) -> str:
+    """Write the key `servo` of a job file as YAML, with identified values and their intervals.
+
+    `assumed`: servo of the joints that no log moves; by default they have no model.
+    """
+    servo = identification.servo_model(assumed)
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
         "job file.",
         *(
-            f"# {x.note}"
+            f"# {x.name} does not move in the logs and keeps its assumed servo."
+            if assumed is not None and not x.moves
+            else f"# {x.note}"
             if x.note
             else f"# {x.name}: {'effective ' * x.effective}"
             + "; ".join(map(_estimate_text, x.estimates))
@@ -131,9 +136,11 @@ def servo_yaml(identification: Identification) -> str:
     return "\n".join(lines) + "\n"
 
 
-def servo_values(identification: Identification) -> dict[str, Any]:
+def servo_values(
+    identification: Identification, assumed: ServoModel | None = None
+) -> dict[str, Any]:
     """Return the values that `servo_yaml` writes, by the keys in `servo`."""
-    return dict(load(servo_yaml(identification), "servo")["servo"])
+    return dict(load(servo_yaml(identification, assumed), "servo")["servo"])
 
 
 def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:

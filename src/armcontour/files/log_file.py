@@ -121,9 +121,9 @@ def read_run_log(
 ) -> Log | Recording:
     """Read the log of a robot run for learning; without commands, it is a `Recording`.
 
-    The file has the form of `read_log`, or has measured positions only. Joints with the
-    names of the arm, also with a prefix, are sorted in the order of the arm. The order of other
-    joints does not change.
+    The file has the form of `read_log`, or has measured positions only. Joints with the names of
+    the arm, also with another prefix or suffix, are sorted in the order of the arm. The order of
+    other joints does not change.
 
     Args:
         file: The file.

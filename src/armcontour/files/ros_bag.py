@@ -18,7 +18,7 @@ from armcontour.core.file_access import MAX_RECORDED, read_bytes
 from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import JointColumn, read_joint_title
-from armcontour.motion.log import is_same_joint
+from armcontour.motion.log import match_joints
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -77,8 +77,12 @@ class _Series:
         return f"{self.topic} ({list_some(list(self.joints), MAX_NAMED)})"
 
     def fits(self, joint_names: Sequence[str]) -> bool:
-        """Return whether the messages have all joints of an arm, also with a prefix."""
-        return all(any(is_same_joint(x, y) for x in self.joints) for y in joint_names)
+        """Return whether the messages have all joints of an arm, as `match_joints` finds them."""
+        try:
+            return not joint_names or match_joints(self.joints, joint_names, "") is not None
+        except InvalidInput:
+            # Several joints match. The error is raised when the joints are arranged.
+            return True
 
     def add(self, message: Any, received: int, file: str) -> None:
         """Add a message, with its joints in the order of the first one."""

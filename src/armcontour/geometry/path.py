@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -22,7 +22,7 @@ from armcontour.core.quantities import (
     SpeedLimit,
     Tolerance,
 )
-from armcontour.core.text import draw, draw_as_html, short_repr
+from armcontour.core.text import short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
 from armcontour.geometry.projection import Projection, find_nearest
@@ -556,8 +556,8 @@ class Path(Checked):
         return find_nearest(self.segments, points)
 
     __repr__ = short_repr
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @property
     def turns(self) -> FloatArray:

@@ -55,6 +55,7 @@ class SegmentLimits(Checked):
             "speeds": np.full(n, speed),
             "tolerances": np.full(n, tolerance),
             "tags": np.full(n, self.tag, dtype=object),
+            "origins": np.zeros(n, dtype=np.intp),
         }
 
 

@@ -13,6 +13,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, ObjectArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate, rescale
+from armcontour.geometry.origins import first_lines, join_origins
 
 # Points closer than this distance [m] count as one point, because no arm resolves a nanometre.
 REPEATED_POINT = 1e-9
@@ -26,21 +27,25 @@ EVERY = slice(None)
 BISECTIONS = 30
 VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
-LIMITS = ("speeds", "tolerances", "tags")
-COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
+LIMITS = ("speeds", "tolerances", "tags", "origins")
+COLUMNS = (*VECTORS, *NUMBERS, "tags", "origins", "quintics")
+# Types of the columns that are not numbers with a fraction.
+TYPES = {"tags": object, "origins": np.intp}
 # Matrix from a quintic's coefficients of x² to x⁵ to the Bernstein control points of its second
 # derivative.
 SECOND_DERIVATIVE = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
 NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.freeze(np.empty(0, dtype=object))
+NO_ORIGINS = checks.freeze(np.empty(0, dtype=np.intp))
 
 
 class LimitColumns(TypedDict):
-    """Process requirements of n segments, as columns of `Segments`."""
+    """Process requirements of n segments and their origins, as columns of `Segments`."""
 
     speeds: FloatArray
     tolerances: FloatArray
     tags: ObjectArray
+    origins: IntArray
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
@@ -63,6 +68,7 @@ class Segments:
         speeds: Assigned velocities [m/s], NaN for segments without one, (n,).
         tolerances: Maximum permitted corner errors [m], NaN for segments without one, (n,).
         tags: Tag of each segment, or None, (n,).
+        origins: Place in a file from which each segment was read (origins.py), 0 if unknown, (n,).
         quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
             (n, 6, dimension); (n, 0, 0) for a table without transitions.
         checked: Whether `check` has confirmed that the segments form a continuous path; false by
@@ -77,6 +83,7 @@ class Segments:
     speeds: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tolerances: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     tags: ObjectArray = field(default_factory=lambda: NO_TAGS)
+    origins: IntArray = field(default_factory=lambda: NO_ORIGINS)
     quintics: FloatArray = field(default_factory=lambda: NOT_GIVEN)
     checked: bool = False
 
@@ -87,10 +94,12 @@ class Segments:
                 object.__setattr__(self, name, np.full(n, np.nan))
         if self.tags is NO_TAGS:
             object.__setattr__(self, "tags", np.full(n, None))
+        if self.origins is NO_ORIGINS:
+            object.__setattr__(self, "origins", np.zeros(n, dtype=np.intp))
         if self.quintics is NOT_GIVEN:
             object.__setattr__(self, "quintics", np.empty((n, 0, 0)))
         for name in COLUMNS:
-            array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
+            array = np.asarray(getattr(self, name), dtype=TYPES.get(name, np.float64))
             object.__setattr__(self, name, checks.freeze(array))
 
     @classmethod
@@ -173,8 +182,13 @@ class Segments:
 
     @property
     def limit_columns(self) -> LimitColumns:
-        """Columns of the speeds, tolerances and tags."""
-        return {"speeds": self.speeds, "tolerances": self.tolerances, "tags": self.tags}
+        """Columns of the speeds, tolerances, tags and origins."""
+        return {
+            "speeds": self.speeds,
+            "tolerances": self.tolerances,
+            "tags": self.tags,
+            "origins": self.origins,
+        }
 
     @property
     def breaks(self) -> FloatArray:
@@ -440,7 +454,10 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
 
 
 def combine_limits(before: Segments, after: Segments) -> LimitColumns:
-    """Combine the limits at vertices: the smaller speed and tolerance, and the tag before it.
+    """Combine limits at vertices: the smaller speed and tolerance, and the tag before it.
+
+    The origin has the lines before and after the vertex, in the order of the file. Where a contour
+    closes or runs backwards, it is that before the vertex.
 
     - `before`, `after`: segments before and after n vertices, n rows each.
     """
@@ -448,6 +465,11 @@ def combine_limits(before: Segments, after: Segments) -> LimitColumns:
         "speeds": np.fmin(before.speeds, after.speeds),
         "tolerances": np.fmin(before.tolerances, after.tolerances),
         "tags": before.tags.copy(),
+        "origins": np.where(
+            first_lines(after.origins) > first_lines(before.origins),
+            join_origins(before.origins, after.origins),
+            before.origins,
+        ),
     }
 
 

@@ -54,6 +54,8 @@ NOTHING_WOVEN = 0.999
 # Remedies for a weave with neither pitch nor frequency, and with both.
 FIRST_PITCH: tuple[dict[Keys, str], ...] = ({("pitch",): "2 mm"},)
 ONE_OF_BOTH: tuple[dict[Keys, None], ...] = ({("frequency",): None}, {("pitch",): None})
+# Columns of the seam's segments that its weave has unchanged.
+SEAM_COLUMNS = ("tolerances", "tags", "origins")
 # Largest fraction of the pitch for both dwells of a wave.
 MAX_DWELL = 0.8
 
@@ -336,7 +338,7 @@ class _Wave:
 
 
 def _weave_part(wave: _Wave, tolerance: float) -> Path:
-    """Weave along a part, with its speeds, tolerances, tags and orientation."""
+    """Weave along a part, with its speeds, tolerances, tags, origins and orientation."""
     part = wave.part
     seam = wave.seam
     pieces = np.unique([0.0, *wave.turning_points().ravel(), seam.length])
@@ -344,7 +346,7 @@ def _weave_part(wave: _Wave, tolerance: float) -> Path:
     ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
     seam_s = np.interp(segments.breaks, segments.breaks[vertices], pieces)
     rows = part.locate(wave.on_part((seam_s[:-1] + seam_s[1:]) / 2))
-    columns = {name: getattr(part.segments, name)[rows] for name in ("tolerances", "tags")}
+    columns = {name: getattr(part.segments, name)[rows] for name in SEAM_COLUMNS}
     segments = segments.replace(speeds=part.speeds[rows] * ratio, **columns)
     orientation = _orient_along(wave)
     if orientation is None:

@@ -22,8 +22,9 @@ from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
+from armcontour.motion.execution import find_set_point_excess
 from armcontour.planning.explanation import DWELLS, RAPIDS
-from armcontour.robot.limits import LIMITS
+from armcontour.robot.limits import LIMITS, Limits
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
@@ -92,8 +93,8 @@ def advise(
     if repairs:
         groups = [*_repairs(job, result)]
         none = (
-            "No single change of tolerance, compensation, reserve or speed leads to a run that "
-            "keeps its accuracy."
+            "No single change of tolerance, compensation, reserve or speed leads to a run that is "
+            "kept."
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
@@ -149,6 +150,8 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
     """Plan and simulate a change; None if that is not possible."""
     try:
         planned = plan_one(candidate.job, candidate.run)
+        set_points = compute_set_points(candidate.job, candidate.run, planned.trajectory)
+        planned = replace(planned, set_points=set_points)
         verdict = planned.judge(_errors(candidate.job, planned))
     except ArmContourError:
         return None
@@ -166,12 +169,11 @@ def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None
 
 
 def _errors(job: Job, planned: RunResult) -> dict[str, Errors]:
-    """Return the largest errors in each execution that judges the run."""
+    """Return the largest errors in each execution of the set-points that judges the run."""
     run = planned.run
     errors = dict[str, Errors]()
-    set_points = compute_set_points(job, run, planned.trajectory)
     for name, experiment in judging_executions(run).items():
-        executed = simulate_experiment(job, run, set_points, experiment)
+        executed = simulate_experiment(job, run, planned.set_points, experiment)
         evaluation = evaluate(
             executed, planned.path, objective=planned.objective, end_time=run.end_time
         )
@@ -333,6 +335,9 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
         if 0 < tolerance < result.tolerance:
             yield [_change_tolerance(job, run, _rounded(tolerance))]
+    if run.compensation.compensates:
+        for candidate in _limited_set_points(job, result):
+            yield [candidate]
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
@@ -354,3 +359,19 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
             )
             for x in slower
         ]
+
+
+def _limited_set_points(job: Job, result: RunResult) -> Iterator[_Candidate]:
+    """Yield a change to set-points within the limit of the plan that they exceed."""
+    excess = find_set_point_excess(result.set_points)
+    if excess is None:
+        return
+    run = result.run
+    values = getattr(result.trajectory.limits_for(None), excess.name)
+    command_limits = (run.compensation.command_limits or Limits()).replace(**{excess.name: values})
+    yield _Candidate(
+        label=f"Limit the set-points by command_limits.{excess.name}",
+        edits=((f"command_limits.{excess.name}", np.asarray(values).tolist()),),
+        job=job,
+        run=replace(run, compensation=replace(run.compensation, command_limits=command_limits)),
+    )

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, InvalidInput, error_context
+from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.frames import exp
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
@@ -21,6 +21,7 @@ from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.program_tracing import find_starts
 from armcontour.planning.tracing.leaning import leaned_paths
 from armcontour.program import Contour, Program, contour_called
+from armcontour.program.move_errors import move_context
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS, NO_FLOOR
 from armcontour.verification.clearance import Cell, Clearance
@@ -98,7 +99,10 @@ def first_clear(
     for step in candidate.steps:
         if step.joint_path is not None:
             with step.named():
-                job.cell.check(step.joint_path).refuse()
+                clearance = job.cell.check(step.joint_path)
+                # The parameter of a joint path along a tool path is the arc length.
+                s = None if step.joint_path.tool_path is None else clearance.first_time
+                clearance.refuse(s=s)
     return candidate, notes
 
 
@@ -181,7 +185,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     """Raise Collision for the first contour with a collision, else for the first other move."""
     # Contours have priority, because users can raise rapids by an approach and a retract.
     contours = iter(enumerate(program.contours))
-    moves: list[tuple[str, Span]] = []
+    moves: list[tuple[str, tuple[str, ...], Span]] = []
     contour_name = contour_called(program.contours[0], 0)
     relation = "to"
     for span in trajectory.spans:
@@ -189,19 +193,30 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
             number, contour = next(contours)
             contour_name = contour_called(contour, number)
             relation = "after"
-            moves.append((contour_name, span))
+            moves.append((contour_name, contour.entities, span))
         else:
-            moves.append((f"{span.kind} {relation} {contour_name}", span))
-    for name, span in sorted(moves, key=lambda move: move[1].kind != "contour"):
-        clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
-        if clearance is not None and not clearance.satisfied:
-            with error_context(name):
-                in_time_of_plan = clearance.later(span.t[0])
-                if span.kind == "contour":
-                    in_time_of_plan.refuse()
-                else:
-                    in_time_of_plan.refuse(RAISE_RAPIDS)
+            moves.append((f"{span.kind} {relation} {contour_name}", (), span))
+    for name, entities, span in sorted(moves, key=lambda move: move[2].kind != "contour"):
+        if span.trajectory is not None:
+            with move_context(name, span.trajectory.path, entities):
+                _refuse_span(job.cell.check(span.trajectory), span, span.trajectory)
     job.cell.check(trajectory).refuse()
+
+
+def _refuse_span(clearance: Clearance, span: Span, motion: Trajectory) -> None:
+    """Raise Collision if the clearance of a span's motion violates a margin, in time of the plan.
+
+    - `motion`: motion of the span, whose times begin at 0.
+    """
+    first_time = clearance.first_time
+    if first_time is None:
+        return
+    s = None if motion.path is None else float(motion.s(first_time))
+    in_time_of_plan = clearance.later(span.t[0])
+    if span.kind == "contour":
+        in_time_of_plan.refuse(s=s)
+    else:
+        in_time_of_plan.refuse(RAISE_RAPIDS, s=s)
 
 
 def _other_start(

@@ -50,11 +50,13 @@ class JerkStop(NamedTuple):
         contour: Name of the contour in messages; empty for a single path.
         s: Arc length from the start of the contour [m].
         point: Position [m], 2 or 3 coordinates.
+        origin: Place in the file, such as "line 12 (N120)"; empty if unknown.
     """
 
     contour: str
     s: float
     point: tuple[float, ...]
+    origin: str
 
 
 def jerk_stops(
@@ -70,7 +72,7 @@ def jerk_stops(
         if span.trajectory is not None:
             name = "" if program.single_path is not None else contour_called(contour, i)
             stops += [
-                JerkStop(name, s, tuple(contour.path(s).tolist()))
+                JerkStop(name, s, tuple(contour.path(s).tolist()), contour.origin_at(s))
                 for s in find_jerk_stops(span.trajectory).tolist()
             ]
     return tuple(stops)

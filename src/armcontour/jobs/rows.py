@@ -25,13 +25,14 @@ from armcontour.jobs.plan_quantities import (
 from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution
+from armcontour.planning import Explanation
 from armcontour.program import Contour, Program
 from armcontour.program.preparation import PIERCE
-from armcontour.robot import Arm
+from armcontour.robot import Arm, compare_limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.simulation import RigidBodyPlant
-from armcontour.verification.evaluation import duration_row, tool_speeds
+from armcontour.verification.evaluation import Evaluation, duration_row, tool_speeds
 
 # Name of the assigned velocity in explanations.
 ASSIGNED = LIMITS["speed"].label
@@ -96,7 +97,7 @@ def run_data(
             data, rows=tuple(replace(x, level=TABLE) for x in rows)
         )
     if result.explanation is not None:
-        data = result.explanation.to_data()
+        data = _with_origin_of_slowest(result.explanation, result.path)
         # The table of time shares is listed with the tables of the run.
         tables.insert(0, data.tables[0])
         parts["explanation"] = replace(data, tables=data.tables[1:])
@@ -132,7 +133,10 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     """Yield rows of the verdict, the deviation from the drawing, the duration and its cause."""
     run = result.run
     evaluation = result.evaluation
-    yield Row("kept", verdict.kept, JUDGED, "verdict", reason_of(run, verdict), VERDICT)
+    reason = reason_of(run, verdict)
+    if compare_limits(run.limits, result.arm):
+        reason = "; ".join(filter(None, [reason, "limits of the job are above the arm's"]))
+    yield Row("kept", verdict.kept, JUDGED, "verdict", reason, VERDICT)
     if verdict.errors:
         yield worst_contour(run, verdict)
         yield Row("judged_by", tuple(verdict.errors))
@@ -165,7 +169,18 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
 
 
 def reason_of(run: Run, verdict: Verdict) -> str:
-    """Write the requirement that decides a verdict, as a clause; empty if none decides."""
+    """Write the requirement that decides a verdict, and violated limits; empty if there are none.
+
+    If only limits are violated, the text also tells which other requirement is kept.
+    """
+    clauses = [*verdict.violations, _deciding_requirement(run, verdict)]
+    if verdict.requirement != "limits":
+        clauses.reverse()
+    return "; ".join(filter(None, clauses))
+
+
+def _deciding_requirement(run: Run, verdict: Verdict) -> str:
+    """Write the requirement on motion and errors that decides, as a clause; empty if none does."""
     tolerance = None if run.rounding is None else run.rounding.tolerance
     match verdict.requirement:
         case "motion":
@@ -179,6 +194,10 @@ def reason_of(run: Run, verdict: Verdict) -> str:
                 f"the allowed contour error is {number(verdict.allowed, 'm')}, a tenth of the "
                 "smallest corner tolerance"
             )
+        case "limits" if run.accuracy is not None:
+            return f"the allowed distance from the drawing of {number(run.accuracy, 'm')} is kept"
+        case "limits" if verdict.allowed is not None:
+            return f"the allowed contour error of {number(verdict.allowed, 'm')} is kept"
     return ""
 
 
@@ -271,7 +290,7 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     if evaluation is None and result.trajectory.arm is not None:
         yield from tool_speeds(result.motion, result.motion.tool_speed).rows
     if evaluation is not None:
-        for row in [*evaluation.to_data().rows, *_angular_rows(result.motion)]:
+        for row in [*_evaluation_rows(result, evaluation), *_angular_rows(result.motion)]:
             if row.name == "limit_ratios":
                 yield row
             elif row.name != "duration":  # `verdict_rows` has the duration
@@ -297,16 +316,43 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
     if experiment is None:
         return
     data = experiment.evaluation.to_data()
+    rows = _evaluation_rows(result, experiment.evaluation)
     motion = experiment.execution
     limit = result.run.limits.joint_torque
     applied = None if motion.torque is None else np.abs(motion.torque).max(axis=0)
     torques = _torque_rows(result.arm, limit, applied, "applied")
-    for row in [*_plant_rows(experiment.plant), *data.rows, *_angular_rows(motion), *torques]:
+    for row in [*_plant_rows(experiment.plant), *rows, *_angular_rows(motion), *torques]:
         if row.name == "duration":  # `verdict_rows` has the row that is shown
             yield replace(row, level=FILE)
         else:
             yield _row_of_execution(row, BODIES, result.judged is experiment.evaluation)
     yield Row("cornering", data.tables[0].as_dicts())
+
+
+def _evaluation_rows(result: RunRecord, evaluation: Evaluation) -> list[Row]:
+    """Return the rows of an evaluation, with the place in the file of the largest contour error."""
+    rows = list(evaluation.to_data().rows)
+    origin = result.path.origin_at(evaluation.contour_error.s_max)
+    if not origin:
+        return rows
+    for i, row in enumerate(rows):
+        if row.name == "contour_error.max":
+            rows[i] = replace(row, note=f"{row.note}, {origin}")
+    return [*rows, Row("contour_error.origin", origin)]
+
+
+def _with_origin_of_slowest(explanation: Explanation, program: Program) -> Data:
+    """Return the data of an explanation, with the place in the file of the slowest point."""
+    data = explanation.to_data()
+    slowest = explanation.slowest
+    origin = "" if slowest is None else program.origin_at(slowest.s)
+    if slowest is None or not origin:
+        return data
+    rows = list(data.rows)
+    for i, row in enumerate(rows):
+        if row.name == "slowest":
+            rows[i] = replace(row, value=f"{slowest.sentence}, {origin}")
+    return replace(data, rows=tuple(rows))
 
 
 def _row_of_execution(row: Row, execution: str, is_worst: bool) -> Row:

@@ -120,7 +120,7 @@ def _first_stop(program: Program) -> str:
         if len(contour.path.stops):
             s = float(contour.path.stops[0])
             point = ", ".join(f"{1e3 * x:.4g}" for x in contour.path(s))
-            name = contour_called(contour, index)
+            name = ", ".join(filter(None, [contour_called(contour, index), contour.origin_at(s)]))
             return f", the first at ({point}) mm, after {number(s, 'm')} of {name}"
     return ""
 
@@ -277,6 +277,7 @@ def _warn_of_jerk_stops(stops: tuple[JerkStop, ...]) -> str:
         return ""
     point = ", ".join(number(x, "m") for x in stops[0].point)
     contour = f" of {stops[0].contour}" if stops[0].contour else ""
+    contour += f", {stops[0].origin}" if stops[0].origin else ""
     return (
         f"{count_noun(len(stops), 'full stop')}, the first at s = {number(stops[0].s, 'm')} "
         f"({point}){contour}. Jerk limits require these stops, because the curvature of the path "

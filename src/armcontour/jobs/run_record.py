@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
-from armcontour.core.text import short_repr
+from armcontour.core.text import joint_label, short_repr
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import (
     CURVATURE_JUMPS,
@@ -34,6 +34,7 @@ from armcontour.jobs.verdict import (
     judging,
 )
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
+from armcontour.motion.execution import find_set_point_excess
 from armcontour.planning import Explanation, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm
@@ -69,6 +70,8 @@ class Improvement:
     @property
     def effect(self) -> str:
         """Effect of the change, such as "saves 0.5 s"."""
+        if self.saved == 0:
+            return "takes as long"
         time = number(abs(self.saved), "s")
         return f"saves {time}" if self.saved >= 0 else f"keeps the accuracy, takes {time} more"
 
@@ -177,9 +180,10 @@ class RunRecord:
 
     @property
     def kept(self) -> bool | None:
-        """True if the tool deviates from the drawing by no more than allowed, without collision.
+        """True if the tool deviates from the drawing by no more than allowed, within all limits.
 
-        If several executions judge the run, the worse one counts.
+        Set-points must stay within the joint ranges and joint velocities, and the simulated robot
+        must keep the clearance. If several executions judge the run, the worse one counts.
         None without a simulation, and without an accuracy and a tolerance.
         """
         return self.verdict.kept
@@ -191,7 +195,27 @@ class RunRecord:
 
     def judge(self, errors: Mapping[str, Errors] | None) -> Verdict:
         """Return the verdict on other simulated errors of this plan; None without an execution."""
-        return judge(self.run, self.deviations, errors, failed=self.failure is not None)
+        return judge(
+            self.run,
+            self.deviations,
+            errors,
+            failed=self.failure is not None,
+            violations=self.violations,
+        )
+
+    @cached_property
+    def violations(self) -> tuple[str, ...]:
+        """Limits that the set-points or the simulated robot violate, as clauses."""
+        found = list[str]()
+        if self.set_points is not None:
+            excess = find_set_point_excess(self.set_points)
+            if excess is not None:
+                label = joint_label(excess.joint + 1, self.arm.joint_names)
+                found.append(f"set-points of joint {label} exceed its limit {excess.name}")
+        executed = self.executed_clearance
+        if executed is not None and not executed.satisfied:
+            found.append(f"in the execution, {executed.too_near[0].bodies} come too near")
+        return tuple(found)
 
     @property
     def deviations(self) -> list[Deviation]:

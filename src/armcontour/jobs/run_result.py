@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
+from armcontour.core import pictures
 from armcontour.core.fields import checked
 from armcontour.core.guesses import Explained
 from armcontour.core.render import Result, compare, lay_out
 from armcontour.core.result import Data
-from armcontour.core.text import draw, draw_as_html, short_repr
+from armcontour.core.text import short_repr
 from armcontour.jobs import rows, run_notes
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_record import RunRecord
@@ -58,8 +59,8 @@ class RunResult(RunRecord, Result):
 
     __repr__ = short_repr
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -85,8 +86,8 @@ class JobResult(Explained):
     job: Job
     runs: Mapping[str, RunResult]
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @property
     def simulated(self) -> bool:

@@ -17,6 +17,7 @@ from armcontour.jobs.job import Job
 from armcontour.planning import turn_along
 from armcontour.planning.tracing.knots import OUT_OF_REACH, suggest_remedy, task_dimension
 from armcontour.program import Contour, Program, Rapid, contour_called, prepare
+from armcontour.program.moves import origin_on
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
@@ -30,21 +31,29 @@ FEW_SEEDS = 12
 WORST = 6
 
 
+class _NamedPath(NamedTuple):
+    """A path of a program, and its name in messages."""
+
+    name: str
+    path: Path
+    entities: tuple[str, ...] = ()  # Names of the drawing's entities on the path
+
+
 class _PathPoints(NamedTuple):
     """Points along some paths of a program."""
 
-    paths: list[tuple[str, Path]]  # Names of the paths in messages, and the paths
+    paths: list[_NamedPath]
     owner: IntArray  # For each point, the index of its path, (n,)
     s: FloatArray  # Arc lengths [m], (n,)
     points: FloatArray  # Required tool positions [m], (n, dimension)
     rotations: FloatArray  # Tool orientations, (n, 3, 3); identity where none is required
 
     @classmethod
-    def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
+    def along(cls, paths: list[_NamedPath]) -> _PathPoints:
         """Sample paths at ends of segments and evenly spaced points, or at a subset of these."""
         maximum = int(np.clip(MAX_SEARCHED_POINTS // len(paths), 2, MAX_ALONG))
         rows = []
-        for k, (_, path) in enumerate(paths):
+        for k, (_, path, _) in enumerate(paths):
             s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
             if len(s) > 2 * maximum:
                 s = s[spread_indices(len(s), 2 * maximum)]
@@ -84,15 +93,16 @@ def explain_reach(error: Unreachable, job: Job) -> Unreachable:
     return error
 
 
-def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
-    """Yield names and paths of all contours, or if `rapid`, of all rapids that have a path."""
+def _paths_of(program: Program, rapid: bool) -> Iterator[_NamedPath]:
+    """Yield the paths of all contours, or if `rapid`, of all rapids that have a path."""
     contours = program.contours
     index = 0
     for move in program.moves:
         if isinstance(move, Contour):
             if not rapid:
                 is_single = program.single_path is not None and not move.name
-                yield "the path" if is_single else contour_called(move, index), move.path
+                name = "the path" if is_single else contour_called(move, index)
+                yield _NamedPath(name, move.path, move.entities)
             index += 1
         elif rapid and isinstance(move, Rapid) and move.path is not None:
             before = contours[max(index - 1, 0) : index]
@@ -101,7 +111,7 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
                 name = f"rapid to {contour_called(after[0], index)}"
             else:
                 name = f"rapid away from {contour_called(before[0], index - 1)}"
-            yield name, turn_along(move.path, before, after)
+            yield _NamedPath(name, turn_along(move.path, before, after))
 
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
@@ -130,7 +140,7 @@ def _reached(arm: Arm, points: _PathPoints) -> FloatArray:
     assert isinstance(arm, SerialArm)
     from armcontour.robot.inverse_kinematics import REACH_SEEDS, TURNED, nearest_reached, seeds
 
-    path = points.paths[0][1]
+    path = points.paths[0].path
     task = task_dimension(path, arm)
     start_positions = seeds(arm)
     rotations = points.rotations
@@ -156,7 +166,7 @@ def _refusal(job: Job, points: _PathPoints, gaps: FloatArray, k: int, rapid: boo
     - `gaps`: distance of each point from the nearest reachable position [m], (n,).
     - `rapid`: whether the points are those of rapids.
     """
-    name, path = points.paths[points.owner[k]]
+    name, path, entities = points.paths[points.owner[k]]
     point = points.points[k]
     s = float(points.s[k])
     gap = float(gaps[k])
@@ -169,12 +179,16 @@ def _refusal(job: Job, points: _PathPoints, gaps: FloatArray, k: int, rapid: boo
     count = len(np.unique(points.owner[gaps > OUT_OF_REACH]))
     others = "" if is_far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
     remedy = unit_hint(gap) if is_far else ". " + _remedy(points, rapid)
+    origin = origin_on(path, s, entities)
+    in_file = f", in {origin}" if origin else ""
     return Unreachable(
         f"{capitalise(name)} is out of reach of the arm {job.arm.name} by up to "
         f"{f'{gap:.3g} m' if is_far else number(gap, 'm')}, most at {_place(point, is_far)}, "
-        f"{f'{s:.6g} m' if is_far else f'{1e3 * s:.6g} mm'} along it{before}{others}{remedy}.",
+        f"{f'{s:.6g} m' if is_far else f'{1e3 * s:.6g} mm'} along it{in_file}{before}{others}"
+        f"{remedy}.",
         point=point.tolist(),
         s=s,
+        origin=origin,
         limit="reach",
         needed=gap,
         allowed=0.0,
@@ -183,7 +197,7 @@ def _refusal(job: Job, points: _PathPoints, gaps: FloatArray, k: int, rapid: boo
 
 def _remedy(points: _PathPoints, rapid: bool) -> str:
     """Write a remedy for points out of reach, as sentences; the last has no period."""
-    free = suggest_remedy(points.paths[0][1]).removeprefix("Move the path or the arm")
+    free = suggest_remedy(points.paths[0].path).removeprefix("Move the path or the arm")
     move = f"ove the part or the arm{free}. `armcontour place` finds a position"
     if rapid:
         return f"All contours are in reach. Use a smaller approach or retract, or m{move}"

@@ -20,7 +20,7 @@ T = TypeVar("T")
 SERVO = "servo"
 BODIES = "rigid bodies"
 EXPECTED = "expected"
-Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour error"]
+Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour error", "limits"]
 # Default contour error that a run allows, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
 # Relative excess of a limit that is ignored as a rounding error.
@@ -98,15 +98,15 @@ class Errors:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Whether the tool stays within the allowed distance from the drawing.
+    """Whether the tool stays within the allowed distance from the drawing, and limits are kept.
 
     Args:
         kept: The verdict; None without an execution, or without an accuracy and a tolerance.
         requirement: The requirement that decides. "motion": the robot completes the motion;
             "corners": rounding stays within the tolerance of corners; "accuracy": the tool stays
             within the distance from the drawing; "contour error": the error of the execution stays
-            within a tenth of the tolerance. Empty if only the last one applies and is satisfied,
-            and without a verdict.
+            within a tenth of the tolerance; "limits": `violations` is empty. Empty if only the
+            error of the execution applies and is satisfied, and without a verdict.
         allowed: Contour error that the run allows [m]; None if it specifies none.
         contour: Index of the contour with the largest distance from the drawing.
         off_drawing: This distance in the worst execution that judges the run [m], as measured
@@ -116,6 +116,8 @@ class Verdict:
             largest at different places, so their sum can be larger than `off_drawing`.
         errors: Contour error of this contour [m] in each execution that judges the run.
         others: Largest contour error [m] in each other execution.
+        violations: Limits that set-points or the simulated robot violate, a clause for each. They
+            decide only if all other requirements are satisfied.
     """
 
     kept: bool | None
@@ -126,6 +128,7 @@ class Verdict:
     deviation: Deviation = Deviation(rounding=None)
     errors: Mapping[str, float]
     others: Mapping[str, float]
+    violations: tuple[str, ...] = ()
 
 
 def judge(
@@ -134,6 +137,7 @@ def judge(
     errors: Mapping[str, Errors] | None,
     *,
     failed: bool = False,
+    violations: tuple[str, ...] = (),
 ) -> Verdict:
     """Judge the executions of a run by the worst of them.
 
@@ -142,6 +146,7 @@ def judge(
         deviations: For each contour, how far the path deviates from the drawing.
         errors: Errors of each execution by its name; None without an execution.
         failed: Whether the simulated robot does not complete the motion.
+        violations: Limits that set-points or the simulated robot violate, a clause for each.
     """
     tolerance = None if run.rounding is None else run.rounding.tolerance
     largest_rounding = max((x.rounding or 0.0 for x in deviations), default=0.0)
@@ -153,6 +158,7 @@ def judge(
             allowed=allowed,
             errors={},
             others={},
+            violations=violations,
         )
     judges = judging(run, errors)
     distances_of_executions = [x.distances(deviations) for x in judges.values()]
@@ -176,6 +182,9 @@ def judge(
     elif largest_error > allowed:
         kept = False
         requirement = "contour error"
+    if violations and kept is not False:
+        kept = False
+        requirement = "limits"
     return Verdict(
         kept=kept,
         requirement=requirement,
@@ -185,6 +194,7 @@ def judge(
         deviation=deviations[k],
         errors={name: x.contour[k] for name, x in judges.items()},
         others={name: max(x.contour) for name, x in errors.items() if name not in judges},
+        violations=violations,
     )
 
 

@@ -7,15 +7,15 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import draw, draw_as_html, short_repr
-from armcontour.motion.nearest_commands import find_range_or_speed_excess
+from armcontour.core.text import short_repr
+from armcontour.motion.nearest_commands import Excess, find_range_or_speed_excess
 from armcontour.motion.trajectory import Trajectory
 from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
@@ -99,8 +99,8 @@ class Execution(Checked):
 
     __repr__ = short_repr
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @classmethod
     @checked
@@ -362,6 +362,10 @@ class SetPoints(Checked):
         """The largest values of `command_use`, as text; empty without command limits."""
         return ", ".join(f"{name} {use.max():.4f}" for name, use in self.command_use.items())
 
+    def __len__(self) -> int:
+        """Return the number of set-points."""
+        return len(self.q)
+
     @property
     def t(self) -> FloatArray:
         """Times of the set-points [s], (n,); the planned motion starts at 0."""
@@ -396,28 +400,24 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
     Raises:
         CompensationError: A set-point is outside a joint range or too fast.
     """
-    specified = set_points.command_limits if limits is None else limits
-    found = find_range_or_speed_excess(
-        set_points.q, set_points.cycle, set_points.trajectory.limits_for(specified)
-    )
+    found = find_set_point_excess(set_points, limits)
     if found is None:
         return
     joint = found.joint + 1
     t = float(set_points.t[found.row])
-    excess = found.needed - found.allowed
     unit = unit_of(set_points.trajectory.arm, "rad/s" if found.order else "rad", found.joint)
     if found.order:
         sentence = (
             f"The set-points of joint {joint} move at {found.needed:.6g} {unit} from t = {t:.6g} s "
-            f"on, above its joint_velocity of {found.allowed:.6g} {unit}. Plan with a "
-            f"joint_velocity lower by {excess:.2g} {unit}, with smoother accelerations, or with "
-            "slower poles."
+            f"on, above its joint_velocity of {found.allowed:.6g} {unit}. Compensate with "
+            "command_limits that have this joint_velocity, or plan a slower motion."
         )
     else:
         sentence = (
             f"The set-point of joint {joint} at t = {t:.6g} s is {found.needed:.6g} {unit}, beyond "
-            f"its {found.name} of {found.allowed:.6g} {unit}. Plan a motion that stays "
-            f"{abs(excess):.2g} {unit} away from this limit, or is slower there."
+            f"its {found.name} of {found.allowed:.6g} {unit}. Compensate with command_limits that "
+            f"have this {found.name}, or plan a motion that is slower there, or farther from this "
+            "limit."
         )
     raise CompensationError(
         sentence,
@@ -426,6 +426,17 @@ def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> Non
         limit=found.name,
         needed=found.needed,
         allowed=found.allowed,
+    )
+
+
+def find_set_point_excess(set_points: SetPoints, limits: Limits | None = None) -> Excess | None:
+    """Find where set-points are most outside a joint range, or else too fast; see above.
+
+    The arguments are those of `check_set_points`.
+    """
+    specified = set_points.command_limits if limits is None else limits
+    return find_range_or_speed_excess(
+        set_points.q, set_points.cycle, set_points.trajectory.limits_for(specified)
     )
 
 

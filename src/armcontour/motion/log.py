@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from itertools import product
+from os.path import commonprefix
 from typing import Annotated, Any, NoReturn
 
 import numpy as np
@@ -25,6 +26,8 @@ INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
 # Smallest number of samples; fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
+# Separates the words of a joint's name.
+SEPARATOR = re.compile(r"[\W_]")
 # Largest number of names in one message.
 MAX_LISTED_NAMES = 8
 # A longer sequence of equal positions is a rest of the joint [samples].
@@ -414,10 +417,14 @@ def _find_repeats(q: FloatArray) -> BoolArray:
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
     """Return the index in `names` of each requested joint; None unless all are found.
 
-    Names match if they are equal, or if one of them is the other one with a prefix.
+    Names match if they are equal, or if one of them is the other one with a prefix. If this does
+    not match all joints, the words are compared that are left without a common prefix and a common
+    suffix of all joints, on both sides. At least one letter must be left.
 
     >>> from armcontour.motion.log import match_joints
     >>> match_joints(["left_elbow", "left_wrist"], ["wrist", "elbow"], "log.csv")
+    [1, 0]
+    >>> match_joints(["r1/elbow", "r1/wrist"], ["left_wrist", "left_elbow"], "log.csv")
     [1, 0]
 
     Args:
@@ -428,6 +435,8 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
     Raises:
         InvalidInput: Two names match one joint.
     """
+    if not requested:
+        return None
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -435,13 +444,66 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
         alike = [i for i, x in enumerate(names) if x == joint]
         alike = alike or [i for i, x in enumerate(names) if _is_prefixed(x, joint)]
         if len(alike) > 1:
+            # The pattern of the longer name does not match the shorter one.
+            alike = sorted(alike[:2], key=lambda i: len(names[i]))
             other = names[alike[1]].removesuffix(joint)
             raise InvalidInput(
-                f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} can both be the "
+                f"{source}: {' and '.join(show(names[i]) for i in alike)} can both be the "
                 f"joint {joint}. Ignore the other one with --columns '-=*{other}*'."
             )
         indices += alike
-    return indices if len(set(indices)) == len(requested) and requested else None
+    if len(set(indices)) == len(requested):
+        return indices
+    return _match_words(names, requested, source)
+
+
+def _match_words(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
+    """Match joints by the words without a common prefix and suffix, as `match_joints` does."""
+    for words in _without_affixes(requested):
+        frames = [x for x in _frames_of(words[0], names) if _has_all(x, words, names)]
+        if len(frames) > 1:
+            # The pattern of the longer frame does not match names with the shorter one.
+            frames = sorted(frames[:2], key=lambda x: len(x[0] + x[1]))
+            both = " and ".join(show(prefix + words[0] + suffix) for prefix, suffix in frames)
+            ignored = "*".join(filter(None, frames[1]))
+            raise InvalidInput(
+                f"{source}: {both} can both be the joint {requested[0]}. Ignore the other one "
+                f"with --columns '-=*{ignored}*'."
+            )
+        if frames:
+            ((prefix, suffix),) = frames
+            return [names.index(prefix + x + suffix) for x in words]
+    return None
+
+
+def _without_affixes(names: Sequence[str]) -> Iterator[list[str]]:
+    """Yield names without prefixes and suffixes that all have, the shortest affixes first.
+
+    Affixes consist of whole words. All names keep a letter.
+    """
+    shared_prefix = commonprefix(names)
+    shared_suffix = commonprefix([x[::-1] for x in names])[::-1]
+    starts = [0, *(x.end() for x in SEPARATOR.finditer(shared_prefix))]
+    ends = [0, *(len(shared_suffix) - x.start() for x in SEPARATOR.finditer(shared_suffix))]
+    for start, end in sorted(product(starts, sorted(ends)), key=sum):
+        words = [x[start : len(x) - end] for x in names]
+        if all(any(y.isalpha() for y in x) for x in words):
+            yield words
+
+
+def _frames_of(word: str, names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return prefix and suffix of each name that contains a word between separators."""
+    frames = []
+    for name in names:
+        for match in re.finditer(rf"(?<![^\W_]){re.escape(word)}(?![^\W_])", name):
+            frames.append((name[: match.start()], name[match.end() :]))
+    return frames
+
+
+def _has_all(frame: tuple[str, str], words: Sequence[str], names: Sequence[str]) -> bool:
+    """Return whether all words with a prefix and a suffix are names."""
+    prefix, suffix = frame
+    return {prefix + x + suffix for x in words} <= set(names)
 
 
 def _is_prefixed(long: str, short: str) -> bool:
@@ -511,6 +573,9 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     if order is None or (is_numbered and not has_all_numbers):
         raise_other_joints(source, names, joint_names, notes=log.notes)
     notes = []
+    if renamed := [x for x in zip(order, joint_names, strict=True) if names[x[0]] != x[1]]:
+        pairs = list_some([f"{show(names[i])} is {x}" for i, x in renamed], MAX_LISTED_NAMES)
+        notes.append(f"Joints of {source} are matched by parts of their names: {pairs}.")
     if spare := [name for i, name in enumerate(names) if i not in order]:
         ignored = list_some(spare, MAX_LISTED_NAMES)
         notes.append(f"Joints of {source} that the arm does not have are ignored: {ignored}.")

@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.lazy import load_method
 from armcontour.core.quantities import Interval, SpeedFactor
 from armcontour.core.render import number
-from armcontour.core.text import count_noun, draw, draw_as_html, short_repr
+from armcontour.core.text import count_noun, short_repr
 from armcontour.geometry import Path
 from armcontour.motion.joined_laws import JoinedLaws
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
@@ -270,8 +270,8 @@ class Trajectory(Checked):
         joints = count_noun(self.dof, "joint")
         return f"Trajectory({str(self.method)!r}, {number(self.duration, 's')}, {joints})"
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     @property
     def t(self) -> FloatArray:

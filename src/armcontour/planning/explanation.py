@@ -156,9 +156,14 @@ class Explanation(Result):
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
+    @property
+    def slowest(self) -> Shortfall | None:
+        """The point that is slowest relative to its assigned velocity; None without shortfalls."""
+        return min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+
     def to_data(self) -> Data:
         """Return the shares at the assigned velocity, active limits, and speed extremes."""
-        slowest = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+        slowest = self.slowest
         return Data(
             "Explanation",
             (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -42,6 +42,7 @@ from armcontour.planning.tracing import (
 from armcontour.planning.tracing.joint_ranges import turn_by
 from armcontour.planning.tracing.leaning import may_lean
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
+from armcontour.program.move_errors import move_context
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 from armcontour.robot.arm import unit_of
 
@@ -99,18 +100,12 @@ class TracedMove:
     move: int | None  # Index of the move; None for a rapid between two moves that do not meet
     joint_path: JointPath | None = None  # The joint path; None for dwells and events
     called: str = ""  # Name of the move in error messages; empty for a single path
+    entities: tuple[str, ...] = ()  # Names of the drawing's entities on the path of the move
 
-    @contextmanager
-    def named(self) -> Iterator[None]:
-        """Add the name of the move, and the point on its path, to errors in this context."""
+    def named(self) -> AbstractContextManager[None]:
+        """Add the name of the move, and the place on its path, to errors in this context."""
         path = None if self.joint_path is None else self.joint_path.tool_path
-        try:
-            with error_context(self.called) if self.called else nullcontext():
-                yield
-        except ArmContourError as error:
-            if error.point is None and error.s is not None and path is not None:
-                error.point = tuple(path(min(error.s, path.length)).tolist())
-            raise
+        return move_context(self.called, path, self.entities)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,7 +248,8 @@ def trace_program(
     tracer = _Tracer(program, contours, limited, configuration, seed, start, accept, cached, key)
     if whole is not None:
         for i, known in enumerate((whole, *whole.chosen)):
-            with error_context(contour_called(contours[i], i)):
+            contour = contours[i]
+            with move_context(contour_called(contour, i), contour.path, contour.entities):
                 tracer.known[i] = known.trace(contours[i], limited)
         # A later contour that the arm cannot reach from the previous contour starts in the
         # configuration of the whole program.
@@ -302,9 +298,10 @@ class _Tracer:
             # A single path has no number in messages.
             alone = self.program.single_path is not None and not move.name
             called = "" if alone else contour_called(move, self.done)
-            with TracedMove(move=i, called=called).named():
+            with move_context(called, move.path, move.entities):
                 known = self.known.get(self.done, self.ahead.get(i))
-                self._append(i, self._trace(move.path, i) if known is None else known, called)
+                joint_path = self._trace(move.path, i) if known is None else known
+                self._append(i, joint_path, called, move.entities)
             self.done += 1
         elif not isinstance(move, Rapid):
             self.steps.append(TracedMove(move=i))
@@ -322,12 +319,13 @@ class _Tracer:
         else:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
-        with error_context(called):
-            if self.arm.chain.still:
+        if self.arm.chain.still:
+            with error_context(called):
                 if i not in self.ahead:
                     self._trace_ahead(i, lambda x: turn_along(x, before, after))
                 self._append(i, self.ahead[i], called)
-                return
+            return
+        with move_context(called, turned):
             if self.done == 0 and 0 in self.known:
                 start = ends_of(self.known[0])[0]
                 self._append(i, trace_to(turned, self.arm, start), called)
@@ -336,7 +334,9 @@ class _Tracer:
             joint_path = self._trace_to(after[0], turned, i) if is_free else self._trace(turned, i)
             self._append(i, joint_path, called)
 
-    def _append(self, i: int, joint_path: JointPath, called: str) -> None:
+    def _append(
+        self, i: int, joint_path: JointPath, called: str, entities: tuple[str, ...] = ()
+    ) -> None:
         """Append a joint path, with a straight line in joint space to its start if needed."""
         end = self._end
         q = ends_of(joint_path)[0]
@@ -352,7 +352,9 @@ class _Tracer:
                 step = TracedMove(move=None, joint_path=line, called=called)
                 self.steps.insert(index, step)
         self.rapid_step = None
-        self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
+        self.steps.append(
+            TracedMove(move=i, joint_path=joint_path, called=called, entities=entities)
+        )
         self.last = joint_path
 
     @property

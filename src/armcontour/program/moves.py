@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core import checks
+from armcontour.core import checks, pictures
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -31,8 +31,9 @@ from armcontour.core.quantities import (
     Speed,
     Time,
 )
-from armcontour.core.text import draw, draw_as_html, list_some, make_printable, shorten
+from armcontour.core.text import list_some, make_printable, shorten
 from armcontour.geometry import Path
+from armcontour.geometry.origins import describe_origin
 from armcontour.geometry.path import arc_lengths_without_z, drop_z, has_length_without_z
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
@@ -108,6 +109,8 @@ class Contour(Checked):
         woven: Seam and parameters of a woven path; None without weaving.
         order: Contours with smaller values run first; 0 by default. The order of the process
             applies to contours with the same value.
+        entities: Names of the entities of the drawing that form the contour, for messages; none by
+            default.
 
     Raises:
         InvalidInput: The path is missing, a name or layer is invalid, an event is after the end of
@@ -124,6 +127,7 @@ class Contour(Checked):
     ring: bool | None = None
     woven: Woven | None = None
     order: int = 0
+    entities: tuple[str, ...] = ()
 
     def _check_together(self) -> None:
         if self.work is not None:
@@ -155,11 +159,34 @@ class Contour(Checked):
         """Arc lengths at which the process is switched on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
+    def origin_at(self, s: float) -> str:
+        """Name the place in the file that defines the contour at an arc length.
+
+        Examples are "line 12 (N120)" and "LINE handle 2F on layer 'CUT'". Short moves along a line
+        become one line, whose place is "lines 12 to 40". The name is empty if the place is unknown,
+        as for leads.
+
+        Args:
+            s: Arc length [m]. At a vertex, the place is that of the segment before it.
+        """
+        return origin_on(self.path, s, self.entities)
+
     def without_z(self) -> tuple[Contour | Event, ...]:
         """Return the contour without z; if no length remains, its events as separate moves."""
         if not has_length_without_z(self.path):
             return tuple(replace(x, s=0.0) for x in self.events)
         return (put_on_path(self, drop_z(self.path), partial(arc_lengths_without_z, self.path)),)
+
+
+def origin_on(path: Path, s: float, entities: Sequence[str] = ()) -> str:
+    """Name the place in the file that defines a path at an arc length, as `Contour.origin_at`.
+
+    - `s`: the arc length [m].
+    - `entities`: names of the entities of a drawing, in the order of their numbers on the path.
+    """
+    # Computed arc lengths of a vertex have rounding errors.
+    i = int(path.locate(s - REPEATED_POINT, side="left"))
+    return describe_origin(int(path.segments.origins[i]), entities)
 
 
 def put_on_path(
@@ -408,6 +435,19 @@ class Program(Checked):
             starts = np.array(self.work_starts)
         return np.column_stack([starts, starts + lengths])
 
+    @checked
+    def origin_at(self, s: Distance) -> str:
+        """Name the place in the file that defines the program at an arc length.
+
+        It is that of the contour, as from `Contour.origin_at`.
+
+        Args:
+            s: Arc length over all contours [m], as in `Trajectory.s`.
+        """
+        breaks = self.breaks
+        k = int(checks.locate(breaks, s, "left"))
+        return self.contours[k].origin_at(s - float(breaks[k]))
+
     @property
     def breaks(self) -> FloatArray:
         """Total length before each contour, and of all contours [m], (contours + 1,)."""
@@ -472,8 +512,8 @@ class Program(Checked):
         # A rapid without tool orientation has it from its contours.
         return self.mapped(lambda x: x if x.orientation is None else x.with_cone(cone))
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     def __repr__(self) -> str:
         """Return source, number of contours and length in one line."""

@@ -19,6 +19,7 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
+from armcontour.core.guesses import Explained
 from armcontour.core.render import VERDICTS, number
 from armcontour.report.message_frame import MessageFrame
 from armcontour.report.origin import Origin
@@ -45,7 +46,7 @@ DECIMALS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
+class Picture(Explained):
     """A figure or a drawing of a report, which can also be a page of its own.
 
     Args:

@@ -28,7 +28,7 @@ Shown = Result | Certificate | Path | Program
 
 
 def draw_result(result: Shown, kind: str) -> Picture:
-    """Draw a result as a picture of a kind in KINDS, see `armcontour.core.text.draw`."""
+    """Draw a result as a picture of a kind in KINDS, see `armcontour.core.pictures.plot`."""
     checks.check_choice("kind", kind, tuple(KINDS))
     if isinstance(result, Path | Program):
         if kind != "path":

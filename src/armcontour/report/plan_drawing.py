@@ -377,10 +377,10 @@ def _pierce_marks(result: RunResult, process: Process) -> list[Mark]:
 
 def _extremes(result: RunResult, prefix: str) -> Iterator[tuple[str, str, Mark]]:
     """Yield name, symbol and mark of the slowest point, the largest error and the nearest pair."""
-    shortfalls = () if result.explanation is None else result.explanation.shortfalls
-    slowest = min(shortfalls, key=lambda x: x.speed / x.assigned, default=None)
+    slowest = None if result.explanation is None else result.explanation.slowest
     if slowest is not None:
-        words = f"slowest point: {slowest.sentence}"
+        origin = result.path.origin_at(slowest.s)
+        words = ", ".join(filter(None, [f"slowest point: {slowest.sentence}", origin]))
         yield "slow", "▲", Mark(_at(result, slowest.s), words, place=f"{prefix}-slow")
     if result.judged is not None:
         # If the drawing is unknown, the path takes its place.

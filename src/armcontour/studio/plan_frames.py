@@ -21,7 +21,7 @@ from armcontour.jobs import Job
 from armcontour.jobs.rows import verdict_rows
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import LawAlongPath, Trajectory
-from armcontour.planning import Explanation
+from armcontour.planning import Explanation, Shortfall
 from armcontour.program import Contour, Program, cut_parts, idle_parts
 from armcontour.report.arm_frame import nearest_pair
 from armcontour.report.message_frame import MessageFrame
@@ -387,9 +387,16 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     return [
         {"s": x.s, "t": t, "uv": uv, "contour": contour, "kind": x.kind}
         | {"reason": x.reason, "share": x.speed / x.assigned}
-        | {"sentence": f"{x.reason}: {number(x.speed, 'm/s')} of {number(x.assigned, 'm/s')}"}
+        | {"sentence": _shortfall_sentence(x, planned.path)}
         for x, t, uv, contour in zip(chosen, times, uv_points, contours, strict=True)
     ]
+
+
+def _shortfall_sentence(shortfall: Shortfall, program: Program) -> str:
+    """Write reason, speeds and place in the file of a point below the assigned velocity."""
+    speed = number(shortfall.speed, "m/s")
+    words = f"{shortfall.reason}: {speed} of {number(shortfall.assigned, 'm/s')}"
+    return ", ".join(filter(None, [words, program.origin_at(shortfall.s)]))
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from armcontour.core import pictures
 from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
@@ -17,7 +18,7 @@ from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, VERDICT, Data, Row, Table
 from armcontour.core.sampled_data import integrate
-from armcontour.core.text import draw, draw_as_html, short_repr
+from armcontour.core.text import short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
@@ -205,8 +206,8 @@ class Evaluation(Result, Frozen):
         return f"of the motion; planned for {usable} of the accelerations and torques"
 
     __repr__ = short_repr
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,7 +19,7 @@ from armcontour.control.identification import Log, identify
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import plain
 from armcontour.files.limits_and_servo_files import read_servo, servo_yaml
-from armcontour.files.log_file import read_log
+from armcontour.files.log_file import log_text, read_log
 from armcontour.files.result_folder import to_json
 from armcontour.report.identification import render_identification
 
@@ -110,6 +110,30 @@ def test_invalid_logs_and_options_are_refused(refuses, tmp_path):
             InvalidInput,
             words,
         )
+
+
+def test_joints_that_rest_get_the_gains_of_an_assumed_servo(log, tmp_path):
+    resting = np.full(len(log.t), 0.3)
+    noise = 1e-6 * np.random.default_rng(1).normal(size=len(log.t))
+    both = Log(
+        t=log.t,
+        command=np.column_stack([log.command[:, 0], resting]),
+        measured=np.column_stack([log.measured[:, 0], resting + noise]),
+        joint_names=("a", "b"),
+    )
+    file = tmp_path / "l.csv"
+    file.write_text(log_text(both))
+    job = tmp_path / "assumed.yaml"
+    job.write_text("servo: {kp: 31 1/s, kv: 131 1/s}")
+    # The exit code 9 means that the servo is trusted, but judged on one program.
+    for assumed, order, code in ((None, "unknown", 1), (job, "second", 9)):
+        out = tmp_path / order
+        assert execute(identify_logs, Identify(logs=[file], assumed=assumed, out=out)) == code
+        servo = read_servo(out / "servo.yaml", 2).for_joints(2)
+        orders = (servo.order,) * 2 if isinstance(servo.order, str) else servo.order
+        assert orders == ("second", order)
+        assert servo.kp[0] == pytest.approx(25.0, rel=0.02)
+        assert servo.kp[1] == (31.0 if assumed else np.inf)
 
 
 @pytest.fixture(scope="module")

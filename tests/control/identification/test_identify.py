@@ -211,6 +211,38 @@ def test_joints_at_rest_or_at_uniform_velocity_have_no_model():
         assert not joint.written and words in joint.note
 
 
+def test_joints_that_rest_keep_their_assumed_servo():
+    """Of three joints, only the second moves; its servo is judged as if it were alone."""
+    t, u = commands("step", 25.0, 150.0, 12.3e-3, 1)
+    log = log_of(1, NOISE, t=t, u=u, **TRUTH)
+    noise = np.random.default_rng(0).normal(0, 1e-6, (len(t), 2))
+    place = np.full(len(t), 0.3)
+    command = np.column_stack([place, log.command[:, 0], place])
+    measured = np.column_stack([0.3 + noise[:, 0], log.measured[:, 0], 0.3 + noise[:, 1]])
+    fit = identify(Log(t=log.t, command=command, measured=measured))
+    alone = identify(log)
+    assert [x.moves for x in fit.joints] == [False, True, False]
+    assert fit.resting == ("joint 1", "joint 3")
+    assert fit.moving_trusted is alone.moving_trusted is alone.trusted is True
+    assert not fit.trusted
+    assumed = ac.ServoModel(kp=[31.0, 32.0, 33.0], kv=[131.0, 132.0, 133.0], ki=[1.0, 2.0, 3.0])
+    servo = fit.servo_model(assumed)
+    found = alone.servo_model()
+    np.testing.assert_allclose(servo.kp, [31.0, np.ravel(found.kp)[0], 33.0], rtol=1e-4)
+    np.testing.assert_allclose(servo.kv, [131.0, np.ravel(found.kv)[0], 133.0], rtol=1e-4)
+    assert servo.ki[0] == 1.0 and servo.ki[2] == 3.0
+    assert servo.order == "second"
+    # Without an assumed servo, these joints have no model.
+    assert fit.servo_model().order == ("unknown", "second", "unknown")
+    # A joint that should move, but does not, is not taken for one that rests.
+    stuck = np.column_stack([log.command[:, 0], log.command[:, 0]])
+    both = np.column_stack([log.measured[:, 0], 0.3 + noise[:, 0]])
+    doubtful = identify(Log(t=log.t, command=stuck, measured=both))
+    assert doubtful.resting == () and not doubtful.moving_trusted
+    with pytest.raises(InvalidInput):
+        fit.servo_model(ac.ServoModel(kp=[1.0, 2.0], kv=100.0))
+
+
 def test_a_parameter_at_its_bound_is_reported_as_undetermined():
     """KUKA KR300, axes 1 and 2, program A, a multisine (see its LICENSE)."""
     log = read_log(KR300 / "A.csv")

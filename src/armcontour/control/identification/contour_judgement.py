@@ -60,10 +60,10 @@ def choose_and_judge(
     comparison = ContourComparison.of(logs, joints, longest, arm)
     choice = _choose(comparison, joints)
     chosen = _Choice(comparison=comparison, written=choice, remaining=comparison.deviate(choice))
-    are_good = not any(x.note for x in joints)
+    are_good = not any(x.note for x in joints if x.moves)
     judged = []
     for j, joint in enumerate(joints):
-        if are_good and chosen.is_weak(j, joint.noise):
+        if are_good and joint.moves and chosen.is_weak(j, joint.noise):
             joint = replace(joint, note=_describe_weakness(logs, joint, j, chosen))
         if choice[j] != MODEL:
             delay = round_digits(comparison.delays[j] * (choice[j] == DELAY_ONLY))

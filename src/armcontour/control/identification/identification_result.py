@@ -21,8 +21,8 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, short_repr
-from armcontour.motion.log import Log, arrange_joints
+from armcontour.core.text import count_noun, list_some, short_repr
+from armcontour.motion.log import Log, arrange_joints, match_joints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import TRUSTED
@@ -33,6 +33,8 @@ RATIO_NOTE = (
     "of the error without compensation, on motion that was not fitted; trusted up to "
     f"{number(TRUSTED, '1')}"
 )
+# Maximum number of joints that a sentence names.
+MAX_NAMES = 4
 # Significant digits of the numbers in a servo file.
 DIGITS = 6
 # Factor for upper bounds in a servo file, so that they remain bounds when they are rounded.
@@ -73,6 +75,7 @@ class JointIdentification(Result, Frozen):
         offsets: Static deviation of the joint (or offset of its encoder) that was fitted with
             `servo` [rad], by index of the log.
         prismatic: True for a prismatic joint, with m instead of rad.
+        moves: False if no log commands a motion of the joint.
     """
 
     name: str
@@ -95,6 +98,7 @@ class JointIdentification(Result, Frozen):
     contour_ratio: float = math.nan
     offsets: dict[int, float] = field(default_factory=dict)
     prismatic: bool = False
+    moves: bool = True
 
     def __getattr__(self, name: str) -> Estimate:
         """Return the estimate of a parameter; its value is nan if the model has none."""
@@ -218,6 +222,8 @@ class Identification(Result, Frozen):
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if self.trusted else "not all joints have a good model"
+        if self.moving_trusted and self.resting:
+            doubt = f"only for the joints that move; {list_some(self.resting, MAX_NAMES)} rest"
         if not result.trusted:
             doubt = "compensation may be worse than none"
         sole = "provisional: judged on only one program; record a different program"
@@ -264,6 +270,17 @@ class Identification(Result, Frozen):
         return self.judgement.trusted and not any(x.note for x in self.joints)
 
     @property
+    def resting(self) -> tuple[str, ...]:
+        """Names of the joints that no log moves."""
+        return tuple(x.name for x in self.joints if not x.moves)
+
+    @property
+    def moving_trusted(self) -> bool:
+        """True if the result is trusted, but for joints that no log moves."""
+        moving = [x for x in self.joints if x.moves]
+        return self.judgement.trusted and bool(moving) and not any(x.note for x in moving)
+
+    @property
     def determined(self) -> bool:
         """True if the logs determine all parameters of all joints."""
         return all(x.determined for x in self.joints)
@@ -283,11 +300,15 @@ class Identification(Result, Frozen):
 
     __repr__ = short_repr
 
-    def servo_model(self) -> ServoModel:
+    @checked
+    def servo_model(self, assumed: ServoModel | None = None) -> ServoModel:
         """Make the servo model for a servo file; joints without a model have the order "unknown".
 
+        Args:
+            assumed: Servo of the joints that no log moves; by default they have no model.
+
         Raises:
-            InvalidInput: No joint has a model.
+            InvalidInput: No joint has a model, or the assumed servo has other joints.
         """
         if not any(x.written for x in self.joints):
             notes = " ".join(x.note for x in self.joints[:2])
@@ -295,14 +316,17 @@ class Identification(Result, Frozen):
         parameters: dict[str, Any] = {
             name: [getattr(x.servo, name) for x in self.joints] for name in JointServo._fields
         }
-        if not np.isfinite(parameters["kv"]).any():
-            parameters["kv"] = None
         fastest = fastest_motion(self.logs)
         offsets = [float(np.mean(list(x.offsets.values()) or [0.0])) for x in self.joints]
         largest = [x.model_error + abs(y) for x, y in zip(self.joints, offsets, strict=True)]
+        orders = [x.order for x in self.joints]
+        if assumed is not None:
+            self._keep_assumed(assumed, parameters, orders)
+        if not np.isfinite(parameters["kv"]).any():
+            parameters["kv"] = None
         return ServoModel(
             interpolation=self.interpolation,
-            order=tuple(x.order for x in self.joints),
+            order=tuple(orders),
             drive_cycle=self.drive_cycle,
             offset=[round_digits(x) for x in offsets],
             model_error=[round_digits(min(x * ROUND_UP, math.pi)) for x in largest],
@@ -314,6 +338,24 @@ class Identification(Result, Frozen):
             programs=self.judgement.programs,
             **parameters,
         )
+
+    def _keep_assumed(
+        self, assumed: ServoModel, parameters: dict[str, list[float]], orders: list[str]
+    ) -> None:
+        """Write the assumed servo of the joints that no log moves into lists with a value per joint.
+
+        - `parameters`: the values of each parameter of `JointServo`.
+        - `orders`: the orders of the servos.
+        """
+        given = assumed.for_joints(len(self.joints))
+        for j, joint in enumerate(self.joints):
+            if joint.moves:
+                continue
+            orders[j] = given.order if isinstance(given.order, str) else given.order[j]
+            for name, values in parameters.items():
+                assumed_values = getattr(given, name)
+                if assumed_values is not None:
+                    values[j] = float(assumed_values[j])
 
     @checked
     def predict(self, log: Log) -> Prediction:
@@ -335,7 +377,7 @@ class Identification(Result, Frozen):
                 "Specify a log of the same joints."
             )
         names = [x.name for x in self.joints]
-        if set(names) == set(log.joint_names):
+        if match_joints(log.joint_names, names, log.source) is not None:
             log = arrange_joints(log, names)
         positions = log.command.copy()
         used = np.full(log.command.shape, False)

@@ -84,7 +84,11 @@ class LoggedJoint:
     @property
     def joint(self) -> JointIdentification:
         """The joint without a model."""
-        return JointIdentification(name=self.name, prismatic=self.prismatic)
+        return JointIdentification(
+            name=self.name,
+            prismatic=self.prismatic,
+            moves=not self.segments or is_commanded(self.segments),
+        )
 
     def require_motion(self) -> None:
         """Raise NoModel if the joint does not move, or only at uniform velocity."""
@@ -118,7 +122,7 @@ def explain_missing_motion(segments: Sequence[LogSegment]) -> str:
     """Return the reason why the motion determines no model; empty if it may determine one."""
     if not segments:
         return f"the log has fewer than {FEWEST} samples without a gap. Record a longer motion."
-    if not any((s.weight * s.use).any() for s in segments):
+    if not is_commanded(segments):
         return "no motion is commanded. Record a program that moves this joint."
     if all(_is_at_rest(s) for s in segments):
         change = max(float(np.ptp(s.command.u)) for s in segments)
@@ -127,6 +131,11 @@ def explain_missing_motion(segments: Sequence[LogSegment]) -> str:
     if all(_is_uniform(s) for s in segments):
         return "the velocity is uniform, which determines a lag, but no gains. Record a multisine."
     return ""
+
+
+def is_commanded(segments: Sequence[LogSegment]) -> bool:
+    """Return whether the command moves in any of the samples that count."""
+    return any(bool((s.weight * s.use).any()) for s in segments)
 
 
 def _is_at_rest(segment: LogSegment) -> bool:

@@ -210,7 +210,10 @@ class Walk:
                     else entity.name
                 )
                 group = first + k if is_split and self.separates_parts else 0
-                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, group=group))
+                piece = DrawnEntity(
+                    path=path, name=name, where=entity.where, layer=entity.layer, group=group
+                )
+                pieces.append(piece)
         return pieces
 
     def _clip(self, paths: list[Path], entity: EntityOutlines, border: Path | None) -> list[Path]:

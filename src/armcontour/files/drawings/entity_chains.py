@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
 from armcontour.core.sampled_data import number_parts
 from armcontour.core.text import list_some, shorten
 from armcontour.geometry import Path, Segments
+from armcontour.geometry.origins import entity_origins
 from armcontour.geometry.projection import group_points, nearest_points
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.program import Contour
@@ -39,6 +40,7 @@ class DrawnEntity:
 
     path: Path
     name: str  # Name of the entity in the drawing
+    where: str  # Name of the entity for messages
     layer: str
     group: int = 0  # Group number; pieces with different group numbers are never chained
 
@@ -90,7 +92,7 @@ def chain_pieces(
             continue
         is_single = len(chain) == 1 and not closed
         path = first.path if is_single else table.join(chain, closed, tolerance)
-        may_be_small = path is not first.path or small[chain[0] // 2]
+        may_be_small = not is_single or small[chain[0] // 2]
         if may_be_small and np.ptp(path.segments.extent, axis=0).max() <= tolerance:
             too_small.append(first.name)
             continue
@@ -100,8 +102,17 @@ def chain_pieces(
         layer = first.layer
         counts[layer] += 1
         name = _counted_name(layer, counts[layer]) if counted else first.name
-        number = len(contours) + 1
-        contours.append(Contour(path=without_hooks, name=name, number=number, layer=layer))
+        if is_single:
+            without_hooks = _of_first_entity(without_hooks)
+        contours.append(
+            Contour(
+                path=without_hooks,
+                name=name,
+                number=len(contours) + 1,
+                layer=layer,
+                entities=tuple(pieces[x // 2].where for x in chain),
+            )
+        )
     limit = f"the join tolerance of {1e3 * tolerance:g} mm"
     reasons = {
         "Skipped because they coincide with others": coinciding,
@@ -109,6 +120,12 @@ def chain_pieces(
         f"Removed lines up to {limit} at which the contour turns back": with_hooks,
     }
     return contours, [f"{why}: {list_some(x, 6)}." for why, x in reasons.items() if x]
+
+
+def _of_first_entity(path: Path) -> Path:
+    """Return a path whose segments all have the first entity as their origin."""
+    origins = np.full(len(path), entity_origins(0), dtype=np.intp)
+    return replace(path, segments=path.segments.replace(origins=origins, checked=True))
 
 
 def _counted_name(layer: str, number: int) -> str:
@@ -224,6 +241,8 @@ class EntitySegments:
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
         """Return the path through pieces in a given order, with the gaps between them closed.
 
+        The origins of its segments are the positions of their pieces in this order.
+
         - `entries`: entry 2 i is piece i forwards, 2 i + 1 piece i backwards.
         - `closed`: whether the last piece is joined to the first.
         - `tolerance`: largest distance by which a point may move [m].
@@ -237,6 +256,7 @@ class EntitySegments:
         rows = self.segments.reverse_rows(
             base[entry] + np.where(backwards, -1, 1)[entry] * within, backwards[entry]
         )
+        rows = rows.replace(origins=entity_origins(entry))
         start = np.cumsum(count) - count
         return _join_rows(rows, start if closed else start[1:], tolerance)
 

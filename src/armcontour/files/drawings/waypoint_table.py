@@ -198,7 +198,7 @@ def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
 
 
 def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
-    """Return the path of lines through the points of some rows, with speeds and tolerances."""
+    """Return the path of lines through the points of some rows, with limits and origins."""
     points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
     first = int(table.numbers[rows][0])
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
@@ -212,8 +212,12 @@ def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -
         values[key][rows][ends] if key in values else np.full(len(path), np.nan)
         for key in ("speed", "tolerance")
     )
-    demanding = path.segments.replace(speeds=speeds, tolerances=tolerances)
-    return dataclasses.replace(path, segments=demanding)
+    segments = path.segments.replace(
+        speeds=speeds,
+        tolerances=tolerances,
+        origins=np.array(table.numbers[rows], dtype=np.intp)[ends],
+    )
+    return dataclasses.replace(path, segments=segments)
 
 
 def _orient(

@@ -16,6 +16,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.frames import exp, shortest
 from armcontour.core.kernel_cache import compiled
 from armcontour.geometry.orientation import SAME_ORIENTATION, copy_pieces
+from armcontour.geometry.origins import join_origins
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.rounding.rounded_orientation import SLIVER, turns_evenly
@@ -302,10 +303,12 @@ def _draw_lines(path: Path, runs: _Runs, first: IntArray, *, carried: bool) -> P
     """
     segments = path.segments
     several = runs.number > 1
+    last = first + runs.number[first] - 1
     lines = segments.replace(
         tangents=np.where(several[:, None], runs.lines, segments.tangents),
         lengths=np.where(several, runs.lengths, segments.lengths),
     )[first]
+    lines = lines.replace(origins=join_origins(segments.origins[first], segments.origins[last]))
     orientation = path.orientation
     if orientation is not None and carried:
         # The frame turns with the first tangent.

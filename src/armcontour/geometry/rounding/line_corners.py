@@ -147,6 +147,7 @@ class LineCorner(CornerKind):
             speeds=limits["speeds"][corner],
             tolerances=limits["tolerances"][corner],
             tags=limits["tags"][corner],
+            origins=limits["origins"][corner],
         )
         error = radius * self.error_ratio(bounds.half)
         return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)

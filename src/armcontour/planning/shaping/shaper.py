@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Annotated, cast, overload
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, NotRealizable, error_context
+from armcontour.core.errors import ArmContourError, NotRealizable
 from armcontour.core.fields import checked, declared
 from armcontour.core.progress import Progress, Step
 from armcontour.core.quantities import AngularDistance, AtLeast, Distance
@@ -33,6 +33,7 @@ from armcontour.planning.timing_options import (
     PlanOptions,
 )
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs
+from armcontour.program.move_errors import move_context
 from armcontour.program.moves import put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 from armcontour.robot.limits import reduce_limits
@@ -208,7 +209,8 @@ class Shaping:
                 tasks.append((step.move, move, task))
         shaped_path = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
-            with error_context(contour_called(move, done)) if named else nullcontext():
+            called = contour_called(move, done) if named else ""
+            with move_context(called, move.path, move.entities):
                 path = shaped_path(done)
                 moves[i] = put_on_path(move, path, path.place)
         shaped = replace(program, moves=tuple(moves))

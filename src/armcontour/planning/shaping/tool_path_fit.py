@@ -176,7 +176,7 @@ def _evaluate_spline(spline: JointSpline, arm: Arm, span: IntArray, share: Float
 
 
 def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segments:
-    """Copy assigned velocities, tolerances and tags from the objective to the arcs."""
+    """Copy assigned velocities, tolerances, tags and origins from the objective to the arcs."""
     last = len(objective) - 1
     first = np.clip(np.searchsorted(objective.breaks, s_parts[:, 0], side="right") - 1, 0, last)
     end = np.clip(np.searchsorted(objective.breaks, s_parts[:, 1], side="left") - 1, first, last)
@@ -189,7 +189,8 @@ def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segme
             for k in range(1, int((end - first).max(initial=0)) + 1):
                 column = np.fmin(column, values[np.minimum(first + k, end)])
         columns[name] = np.repeat(column, 2)
-    columns["tags"] = np.repeat(objective.segments.tags[first], 2)
+    for name in ("tags", "origins"):
+        columns[name] = np.repeat(getattr(objective.segments, name)[first], 2)
     return arcs.replace(checked=False, **columns)
 
 

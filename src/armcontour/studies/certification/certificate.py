@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from armcontour.core import pictures
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, draw, draw_as_html, joint_label, short_repr
+from armcontour.core.text import count_noun, joint_label, short_repr
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
@@ -261,8 +262,8 @@ class Certificate(Result):
     uncertified: Uncertified
     shapes: Mapping[str, float]
 
-    plot = draw
-    _repr_html_ = draw_as_html
+    plot = pictures.plot
+    _repr_html_ = pictures.draw_as_html
 
     def to_data(self) -> Data:
         """Return data of the verdict, the parts of the error, and the model."""

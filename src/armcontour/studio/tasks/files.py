@@ -229,14 +229,17 @@ def identify(request: Request) -> MessageFrame:
     data = identification.to_data()
     changes = []
     if any(y.written for y in identification.joints):
-        servo = servo_values(identification)
-        if identification.trusted:
+        servo = servo_values(identification, request.job.servo)
+        if identification.moving_trusted:
             edit = {"do": "set", "key": "servo", "value": servo}
-            changes = [{"label": "Use this servo", "edits": [edit]}]
+            label = "Use this servo"
+            if resting := identification.resting:
+                label += f" (assumed gains stay at {', '.join(resting)})"
+            changes = [{"label": label, "edits": [edit]}]
         expected = (*_expected_errors(request, servo), *_gains(identification))
         # The gains of each joint are what the user needs.
         data = replace(data, rows=(*expected, *data.rows), tables=data.tables[::-1])
-    facts = {"kept": identification.trusted, "changes": changes, "label": "Download report"}
+    facts = {"kept": identification.moving_trusted, "changes": changes, "label": "Download report"}
     origin = Origin(job=request.job.name, sources=sources)
     page = render_identification(identification, origin).encode()
     name = f"{request.job.name}-identification.html"

@@ -167,11 +167,25 @@ class Clearance(Result):
         below = tuple(x.later(by) for x in self.below)
         return replace(self, pairs=pairs, below=below)
 
-    def refuse(self, remedy: str = "Move the part, the obstacle or the start posture") -> None:
+    @property
+    def first_time(self) -> float | None:
+        """First time at which a margin is violated [s]; None if all are satisfied.
+
+        For a joint path, it is a parameter of the joint path.
+        """
+        return self.too_near[0].first_time if self.too_near else None
+
+    def refuse(
+        self,
+        remedy: str = "Move the part, the obstacle or the start posture",
+        *,
+        s: float | None = None,
+    ) -> None:
         """Raise an error if a margin is violated.
 
         Args:
             remedy: A remedy for the message.
+            s: Arc length at `first_time` [m], for the error; None if unknown.
 
         Raises:
             Collision: A margin is violated; the error has the first time.
@@ -185,6 +199,7 @@ class Clearance(Result):
             f"{f' (also {names})' if others else ''}. "
             f"{remedy}, or allow them to touch.",
             t=nearest.first_time,
+            s=s,
             point=nearest.points[1].tolist(),
             limit="clearance",
             needed=nearest.margin,

@@ -205,7 +205,7 @@ class Machine:
             )
 
     def _feed(self) -> Feed:
-        """Return the speed, tolerance and line of a feed move; notes a missing feed rate."""
+        """Return the speed, tolerance and origin of a feed move; notes a missing feed rate."""
         if self.feed == 0:
             raise Fault(
                 "there is no feed rate for G1, G2 or G3. Write F above zero, in units per minute, "
@@ -216,7 +216,7 @@ class Machine:
                 "Feed moves without a feed rate, first in line {}, have no programmed speed; only "
                 "the limits of the job apply."
             )
-        return self.feed, self.tolerance, self.notes.line
+        return self.feed, self.tolerance, self.notes.origin
 
     def _dwell(self, block: Block) -> float:
         """Return the time of G4 [s], from the word P, or from S or X (other controllers)."""
@@ -359,7 +359,7 @@ class Machine:
     def _move_rapid(self, target: list[float]) -> None:
         """Make a rapid move to a point [m]."""
         if not self.away:
-            self.draft.add_rapid(target[0], target[1], target[2])
+            self.draft.add_rapid(target[0], target[1], target[2], self.notes.origin)
         elif not self.undefined_axes:
             self.draft.resume_at(target)
             self.away = False

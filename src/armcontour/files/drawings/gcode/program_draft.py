@@ -17,6 +17,7 @@ from armcontour.files.drawings.gcode.arcs import ArcPart
 from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import join_by_quintics, tangent_and_curvature
+from armcontour.geometry.origins import first_line
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Contour, Dwell, Event, Program, Rapid
 from armcontour.program.moves import Move, Value
@@ -38,8 +39,8 @@ REVERSED_NOTE = (
 )
 
 Point = tuple[float, float, float]
-# Speed [m/s], maximum permitted corner error [m] and line number of a feed move. Speed and error
-# are NaN if the file does not specify them.
+# Speed [m/s], maximum permitted corner error [m] and origin of a feed move. Speed and error are NaN
+# if the file does not specify them.
 Feed = tuple[float, float, int]
 
 
@@ -49,10 +50,10 @@ class FeedChain:
 
     points: array[float]  # x, y and z of each move's start and end [m], flattened
     line: int  # Line number of the first move
-    # Speed [m/s], maximum permitted corner error [m] and line number of each move.
+    # Speed [m/s], maximum permitted corner error [m] and origin of each move.
     speeds: array[float] = field(default_factory=lambda: array("d"))
     tolerances: array[float] = field(default_factory=lambda: array("d"))
-    lines: array[int] = field(default_factory=lambda: array("l"))
+    origins: array[int] = field(default_factory=lambda: array("q"))
     # Of each arc: index of its move, tangent at the start, normal, curvature [1/m], length [m].
     arcs: list[tuple[int, Point, Point, float, float]] = field(default_factory=list)
     # Of each helix: index of its first move, and its knots: points [m], first and second
@@ -63,14 +64,22 @@ class FeedChain:
     events: list[tuple[int, str, Value]] = field(default_factory=list)
 
 
+@dataclass(slots=True)
+class RapidChain:
+    """Consecutive rapid moves."""
+
+    points: array[float]  # x, y and z of each move's start and end [m], flattened
+    origins: array[int] = field(default_factory=lambda: array("q"))
+
+
 class ProgramDraft:
     """Moves and events that have been read so far, in the order of the file."""
 
     def __init__(self) -> None:
-        self.moves: list[FeedChain | array[float] | Event | Dwell] = []
+        self.moves: list[FeedChain | RapidChain | Event | Dwell] = []
         self.last: Point = (0.0, 0.0, 0.0)
         self.chain: FeedChain | None = None
-        self.rapid: array[float] | None = None
+        self.rapid: RapidChain | None = None
         self.begun = False
         self.has_vertical_arc = False
         self.segments = 0
@@ -118,7 +127,7 @@ class ProgramDraft:
                 "Increase the chord tolerance"
             )
 
-    def add_rapid(self, x: float, y: float, z: float) -> None:
+    def add_rapid(self, x: float, y: float, z: float, origin: int) -> None:
         """Add a rapid move. Before the first contour, only the end point of the move is stored."""
         px, py, pz = self.last
         if (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2 <= SAME_POINT_SQUARED:
@@ -126,8 +135,9 @@ class ProgramDraft:
         self._close()
         if self.begun:
             if self.rapid is None:
-                self.rapid = array("d", self.last)
-            self.rapid.extend((x, y, z))
+                self.rapid = RapidChain(points=array("d", self.last))
+            self.rapid.points.extend((x, y, z))
+            self.rapid.origins.append(origin)
         self.last = (x, y, z)
 
     def resume_at(self, point: Sequence[float]) -> None:
@@ -172,8 +182,8 @@ class ProgramDraft:
                 contour = _contour(move, dimension, counts, source)
                 moves.append(contour)
                 reversed_arcs += _reversed_arcs(contour.path, move)
-            elif isinstance(move, array):
-                moves.append(Rapid(path=_path(move, dimension)))
+            elif isinstance(move, RapidChain):
+                moves.append(Rapid(path=_rapid_path(move, dimension)))
             else:
                 moves.append(move)
         if reversed_arcs:
@@ -182,16 +192,16 @@ class ProgramDraft:
 
     def _extend(self, feed: Feed, end: Point) -> FeedChain:
         """Append a move to the open contour, or to a new contour; return the contour."""
-        speed, tolerance, line = feed
+        speed, tolerance, origin = feed
         chain = self.chain
         if chain is None:
             self._flush()
             self.begun = True
-            chain = self.chain = FeedChain(points=array("d", self.last), line=line)
+            chain = self.chain = FeedChain(points=array("d", self.last), line=first_line(origin))
         chain.points.extend(end)
         chain.speeds.append(speed)
         chain.tolerances.append(tolerance)
-        chain.lines.append(line)
+        chain.origins.append(origin)
         self.last = end
         return chain
 
@@ -202,7 +212,7 @@ class ProgramDraft:
             self.chain = None
 
     def _flush(self) -> None:
-        """Append the points of the rapid, if there is one, to the moves."""
+        """Append the rapid, if there is one, to the moves."""
         if self.rapid is not None:
             self.moves.append(self.rapid)
             self.rapid = None
@@ -210,8 +220,8 @@ class ProgramDraft:
     def _leaves_the_plane(self) -> bool:
         """Return whether a point of the moves has a z coordinate other than zero."""
         for move in self.moves:
-            if isinstance(move, FeedChain | array):
-                points = np.frombuffer(move.points if isinstance(move, FeedChain) else move)
+            if isinstance(move, FeedChain | RapidChain):
+                points = np.frombuffer(move.points)
                 if (np.abs(points[2::3]) > Z_ROUNDING).any():
                     return True
         return False
@@ -229,9 +239,9 @@ def _contour(chain: FeedChain, dimension: int, counts: Counter[int], source: str
     - `source`: name of the file, for messages.
     """
     try:
-        path = _path(chain.points, dimension, chain)
+        path = _path(chain, dimension)
     except InvalidInput as error:
-        line = chain.lines[error.index] if error.index is not None else chain.line
+        line = chain.line if error.index is None else first_line(chain.origins[error.index])
         raise InvalidInput(f"{source}, line {line}: {error}", index=line - 1) from None
     events = tuple(
         Event(name=name, value=value, s=float(path.breaks[i])) for i, name, value in chain.events
@@ -260,18 +270,20 @@ def _reversed_arcs(path: Path, chain: FeedChain) -> list[str]:
         beyond = points[[i + 2, i - 1]]
         if np.linalg.norm(ends - beyond, axis=1).min() > REPEATED_POINT:
             sweep = math.degrees(curvature * length)
-            found.append(f"line {chain.lines[i]} ({sweep:.4g}° instead of {360 - sweep:.4g}°)")
+            line = first_line(chain.origins[i])
+            found.append(f"line {line} ({sweep:.4g}° instead of {360 - sweep:.4g}°)")
     return found
 
 
-def _path(points: array[float], dimension: int, chain: FeedChain | None = None) -> Path:
-    """Return the path of lines through points [m]; with `chain`, its arcs, speeds and tolerances.
+def _rapid_path(rapid: RapidChain, dimension: int) -> Path:
+    """Return the path of straight lines of a rapid, in 2 or 3 dimensions."""
+    vertices = np.frombuffer(rapid.points).reshape(-1, 3)[:, :dimension]
+    return Path(segments=Segments.lines(vertices, origins=np.array(rapid.origins, dtype=np.intp)))
 
-    `points`: coordinates x, y and z of all points in one sequence.
-    """
-    vertices = np.frombuffer(points).reshape(-1, 3)[:, :dimension]
-    if chain is None:
-        return Path(segments=Segments.lines(vertices))
+
+def _path(chain: FeedChain, dimension: int) -> Path:
+    """Return the path of feed moves in 2 or 3 dimensions, with its arcs and limits."""
+    vertices = np.frombuffer(chain.points).reshape(-1, 3)[:, :dimension]
     steps = np.diff(vertices, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     # A full circle ends at its start, so the length of its step is 0.
@@ -291,6 +303,7 @@ def _path(points: array[float], dimension: int, chain: FeedChain | None = None) 
         lengths=lengths,
         speeds=np.frombuffer(chain.speeds),
         tolerances=np.frombuffer(chain.tolerances),
+        origins=np.array(chain.origins, dtype=np.intp),
     )
     return Path(segments=_with_helices(table, chain) if chain.helices else table)
 
@@ -308,8 +321,8 @@ def _with_helices(table: Segments, chain: FeedChain) -> Segments:
         begin = points[:-1], tangents[:-1], curvatures[:-1]
         end = np.diff(points, axis=0), tangents[1:], curvatures[1:]
         helix = join_by_quintics(begin, end, lengths)
-        columns = {x: getattr(table, x)[first : first + count] for x in ("speeds", "tolerances")}
-        parts += [table[done:first], helix.replace(**columns)]
+        limits = table[first : first + count].limit_columns
+        parts += [table[done:first], helix.replace(**limits)]
         done = first + count
     parts.append(table[done:])
     return Segments.join([x for x in parts if len(x)])

@@ -21,7 +21,7 @@ from armcontour.program import Program
 # lines are parsed word by word.
 _NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
 PLAIN = re.compile(
-    r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
+    r"(?:N([0-9]{1,9}) ?)?(?:G0?1 ?)?"
     rf"(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?\n?"
 )
 LINES_BETWEEN_REPORTS = 4096
@@ -83,11 +83,15 @@ class _Runner:
         try:
             for i, line in enumerate(lines):
                 notes.line = i + 1
+                notes.block_number = None
                 if not i % LINES_BETWEEN_REPORTS:
                     report_fraction(i / len(lines))
                 match = PLAIN.fullmatch(line) if plain else None
                 if match is not None:
-                    machine.execute_plain_line(*match.groups())
+                    block_number, x, y, z, f = match.groups()
+                    if block_number is not None:
+                        notes.block_number = int(block_number)
+                    machine.execute_plain_line(x, y, z, f)
                     continue
                 self._run_line(line)
                 if self.ended:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from armcontour.core.text import list_some
+from armcontour.geometry.origins import line_origin
 
 # Length units of a program [m]:
 MILLIMETRE = 1e-3
@@ -140,14 +141,21 @@ class Fault(Exception):
 
 
 class Notes:
-    """Notes on skipped content and on the interpretation of lines, and the current line number."""
+    """Notes on skipped content and on the interpretation of lines, and the current line."""
 
     def __init__(self) -> None:
         self.line = 0
+        # Number after the letter N of the current line; None without it.
+        self.block_number: int | None = None
         # First line of each skipped kind, by template of the note and kind.
         self.first_line_of_kind: dict[str, dict[str, int]] = {LEFT_OUT_NOTE: {}}
         # First line to which a note of `add_once` applies, by template of the note.
         self.first_line_of_note: dict[str, int] = {}
+
+    @property
+    def origin(self) -> int:
+        """Origin of the segments that the current line defines."""
+        return line_origin(self.line, self.block_number)
 
     def skip(self, kind: str, sentence: str = LEFT_OUT_NOTE) -> None:
         """Note a skipped item; `{}` in the sentence is replaced by the list of all kinds."""
@@ -262,6 +270,8 @@ def _add_word(block: Block, letter: str, number: str, position: int, notes: Note
     if letter == "N":
         if position or number[0] in "+-":
             raise Fault("a line number N must be unsigned and must be the first word of the line")
+        if number.isdigit():
+            notes.block_number = int(number)
         return
     text = letter + number
     value = float(number)
