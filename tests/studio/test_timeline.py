@@ -172,7 +172,8 @@ def test_labels_of_seconds_minutes_and_hours_are_round_and_state_their_time():
     # Zoomed parts of long motions.
     cases += [(0.01, 5000.0, 8), (1.0, 300.0, 8), (40.0, 5000.0, 8)]
     for (span, duration, room), axis in zip(cases, compute(LABELS, cases), strict=True):
-        labels, step = axis["labels"], axis["step"]
+        labels = axis["labels"]
+        step = axis["step"]
         # Not more than have room, and not much fewer.
         assert span / room <= step * (1 + 1e-9) and step <= 4.1 * span / room
         times = [seconds_of(x) for x in labels]
