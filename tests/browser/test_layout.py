@@ -5,7 +5,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.text_boxes import small_targets, text_faults
 from tests.dynamics_extra import needs_dynamics
-from tools.studio_page import write_shapes
+from tools.studio_page import TWO_FRAMES, serving, write_job, write_shapes
 
 pytestmark = [pytest.mark.browser, needs_dynamics]
 SIZES = ((390, 844), (820, 1180), (1440, 900), (1920, 1080))
@@ -327,3 +327,37 @@ def test_choices_are_visible_in_the_colours_of_the_system(pages):
     assert len(keys) == studio.find(".shares .key").count() > 1
     studio.page.emulate_media(forced_colors="none")
     studio.close()
+
+
+def test_a_stopped_studio_is_told_over_no_drawer_and_in_a_bar_of_one_line(
+    pages, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    job = write_job(tmp_path / "job_with_a_long_name.yaml", "optimal")
+    with serving(job, folder=tmp_path) as server:
+        studio = pages(server)
+        studio.rest()
+
+        def check_bar():
+            for width in (901, 960, 1024, 1150, 1280, 1440, 1920):
+                studio.page.set_viewport_size({"width": width, "height": 844})
+                studio.page.evaluate(TWO_FRAMES)
+                bar = studio.find("#bar")
+                boxes = [x.bounding_box() for x in bar.locator("button:visible, select").all()]
+                middles = [x["y"] + x["height"] / 2 for x in boxes]
+                assert max(middles) - min(middles) < 3, width
+                assert max(x["x"] + x["width"] for x in boxes) <= width
+                assert studio.find("#name").bounding_box()["width"] > 20
+
+        check_bar()
+        studio.page.set_viewport_size({"width": 390, "height": 844})
+        studio.find("#panel-open").click()
+        studio.wait("body", drawer="open")
+        studio.is_cut_off = True
+        server.stop()
+        studio.wait("body", stopped="true", drawer="closed")
+        copy = studio.find("#messages").get_by_role("button", name="Save a copy of the job")
+        expect(copy).to_be_visible()
+        # A click reaches the button, because nothing covers it.
+        studio.save_file(copy)
+        check_bar()

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.browser.axe_faults import faults, load_axe
 from tests.dynamics_extra import needs_dynamics
+from tools.studio_page import TWO_FRAMES
 
 from armcontour.core.yaml_loader import load
 
@@ -39,6 +40,14 @@ scene:
     - {type: sphere, name: one, radius: 30 mm, at: [0.41, -0.038, 0.27]}
     - {type: sphere, name: other, radius: 30 mm, at: [0.41, -0.038, 0.27]}
 """
+# A tap of a finger at a place of the page.
+TAP = """(svg, [x, y]) => {
+    svg.setPointerCapture = () => {};
+    const how = { clientX: x, clientY: y, pointerId: 7, pointerType: "touch", bubbles: true };
+    svg.dispatchEvent(new PointerEvent("pointerdown", how));
+    svg.dispatchEvent(new PointerEvent("lostpointercapture", how));
+    delete svg.setPointerCapture;
+}"""
 # Two squares of 20 mm beside a circle of 10 mm radius, whose centre is 50 mm from the first corner.
 DRAWING = """\
 <svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="60mm" viewBox="0 0 100 60">
@@ -353,6 +362,36 @@ def test_two_clicks_measure_a_distance_an_angle_and_a_radius(drawing):
     expect(box).to_be_hidden()
 
 
+def test_only_a_centre_that_is_shown_is_measured(drawing):
+    drawing.rest()
+    drawing.page.keyboard.press("f")
+    drawing.page.keyboard.press("m")
+    drawing.wait_for(".measure-box")
+    mark = drawing.find("#view2d .measured-hover")
+    centre = on_screen(drawing, [60, 20])
+    # At the pointer, the centre is shown with its circle.
+    drawing.page.mouse.move(*centre, steps=3)
+    drawing.wait(".measure-box", hovered="centre of a circle")
+    expect(mark).to_have_attribute("d", re.compile("h16.*v16M.*L"))
+    drawing.page.mouse.move(*on_screen(drawing, [45, 20]), steps=3)
+    drawing.wait(".measure-box", hovered="")
+    expect(mark).to_have_attribute("d", "")
+    drawing.page.mouse.move(*centre, steps=3)
+    drawing.wait(".measure-box", hovered="centre of a circle")
+    drawing.page.mouse.down()
+    drawing.page.mouse.up()
+    drawing.wait(".measure-box", kinds="point", picks="centre of a circle")
+    drawing.page.keyboard.press("Escape")
+    drawing.wait(".measure-box", kinds="")
+    # A finger shows nothing before its tap, so it takes no centre.
+    drawing.page.mouse.move(*on_screen(drawing, [45, 20]))
+    drawing.wait(".measure-box", hovered="")
+    drawing.find("#view2d > svg").evaluate(TAP, list(centre))
+    drawing.page.evaluate(TWO_FRAMES)
+    drawing.wait(".measure-box", kinds="")
+    drawing.page.keyboard.press("Escape")
+
+
 def test_clicks_in_space_measure_obstacles(page, folder):
     studio = shown(page, folder, JOB + POST, "post.yaml")
     studio.wait_for("#view3d[data-alarmed*=post], #figures[data-exact=true]")
@@ -361,7 +400,10 @@ def test_clicks_in_space_measure_obstacles(page, folder):
     # The circles of the ball have their centre there.
     centre = origin_of(studio)
     studio.page.keyboard.press("m")
-    studio.page.mouse.click(*centre)
+    studio.page.mouse.move(*centre)
+    studio.wait(".measure-box", hovered="centre of a circle")
+    studio.page.mouse.down()
+    studio.page.mouse.up()
     studio.wait(".measure-box", kinds="point", picks="centre of a circle")
     # In the work frame, the ball is at (-100, 450, 200) mm.
     text = studio.find(".measure-box").inner_text().replace("−", "-")

@@ -125,6 +125,31 @@ def test_the_change_of_the_cycle_time_is_that_of_the_shown_run(page, folder):
     studio.tab("charts")
 
 
+def test_the_compared_state_is_before_as_many_changes_as_its_name_says(page, folder):
+    studio = shown(page, folder, JOB, "two_changes.yaml")
+    studio.rest()
+    duration = studio.find("[data-figure=duration] .value")
+    first = float(duration.inner_text())
+    studio.tab("process")
+    # The exact figures between two changes may be left out.
+    with studio.renewing():
+        studio.type("limits.speed", "40 mm/s")
+    with studio.changing():
+        studio.type("limits.speed", "30 mm/s")
+    studio.tab("runs")
+    row = studio.find("#tab-runs tr").filter(has_text="before the last")
+    is_one = "before the last change" in row.inner_text()
+    if not is_one:
+        expect(row).to_contain_text("before the last 2 changes")
+    cells = row.inner_text()
+    with studio.changing():
+        studio.find("#undo").click()
+    between = float(duration.inner_text())
+    assert between > first + 0.1
+    assert f"{between if is_one else first:g} s" in cells
+    studio.tab("charts")
+
+
 def test_another_timing_method_has_its_name_before_the_change_and_a_reason(page, folder):
     text = JOB.replace("runs: {only: {timing: {reserve: 5 %}}}", "runs: {first: {}, second: {}}")
     studio = shown(page, folder, text, "methods.yaml")

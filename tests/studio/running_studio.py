@@ -75,6 +75,8 @@ class Running:
             "proxy": None,
         }
         connection_options |= {"ping_interval": None, "open_timeout": None, "close_timeout": None}
+        # With a full queue of frames that nobody reads, the socket could not be closed.
+        connection_options["max_queue"] = None
         with connect(f"ws://{self.host}/socket", **connection_options | how) as socket:
             yield socket
 

@@ -114,6 +114,7 @@ def test_pages_that_open_before_the_session_join_it(session):
 
 
 def test_a_page_that_opens_during_the_compilation_hears_how_far_it_is(file, monkeypatch):
+    entered = Event()
     released = Event()
 
     @contextlib.contextmanager
@@ -121,14 +122,14 @@ def test_a_page_that_opens_during_the_compilation_hears_how_far_it_is(file, monk
         """Report a quarter of the compilation, and wait."""
         for name, share in (("2 functions", 0.0), ("first", 0.25)):
             progress(Step((COMPILING, name), share))
+        entered.set()
         released.wait()
         yield
 
     monkeypatch.setattr(session_module, "compile_for_run", compile_slowly)
     with running(file) as studio:
         try:
-            while studio.session_host.session is None:
-                released.wait(0.01)
+            entered.wait()
             with studio.page() as page:
                 header = page.hear("progress").header
                 while header["share"] != 0.25:

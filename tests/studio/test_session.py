@@ -469,3 +469,29 @@ def test_drawing_that_its_cell_cannot_follow_is_refused_and_nothing_changes(sess
     assert editor.previewer.folder == editor.document.folder
     tab.edit(MOVE)
     assert tab.last("picture")["run"] == run
+
+
+def test_a_new_session_shows_the_run_that_was_shown_last(file):
+    def shown(session):
+        page = SessionPage(session)
+        session.begin()
+        return page, page.last("document")["run"]
+
+    first = session_of(file)
+    page, run = shown(first)
+    assert run == "slow"
+    page.say("select", run="fast")
+    first.close()
+    second = session_of(file)
+    page, run = shown(second)
+    assert run == "fast"
+    # The new run is only in the draft.
+    page.edit({"do": "add_run", "name": "faster"})
+    assert page.last("document")["run"] == "faster"
+    second.close()
+    third = session_of(file)
+    page, run = shown(third)
+    assert run == "slow"
+    page.say("restore_draft")
+    assert page.last("document")["run"] == "faster"
+    third.close()

@@ -142,3 +142,42 @@ def test_the_speed_at_a_time_is_that_of_the_contour_or_the_rapid_there():
     # Between the end of a contour and the rapid, the tool waits: JSON has no NaN.
     assert speeds[1] is None
     assert [speeds[k] for k in (0, 2, 3)] == pytest.approx([0.05, 0.2, 0.06])
+
+
+LABELS = """
+const { timeLabel, timeStep } = await import("./time_labels.js");
+tell(given.map(([span, duration, room]) => {
+  const step = timeStep(span / room, duration);
+  const labels = [];
+  for (let k = 0; k * step <= span; k++) labels.push(timeLabel(k * step, step, duration));
+  return { step, labels };
+}));
+"""
+
+
+def seconds_of(label):
+    """Time of a label [s]."""
+    number, _, unit = label.partition(" ")
+    if unit == "s":
+        return float(number)
+    parts = [float(x) for x in number.split(":")]
+    sizes = {"min": [60, 1], "h": [3600, 60], "": [3600, 60, 1]}[unit]
+    assert len(parts) == len(sizes) and all(x < 60 for x in parts[1:])
+    return sum(size * x for size, x in zip(sizes, parts, strict=True))
+
+
+def test_labels_of_seconds_minutes_and_hours_are_round_and_state_their_time():
+    spans = [0.002, 0.7, 13.2, 119.0, 125.0, 600.0, 3599.0, 3700.0, 30_000.0, 200_000.0]
+    cases = [(x, x, room) for x in spans for room in (4, 13)]
+    # Zoomed parts of long motions.
+    cases += [(0.01, 5000.0, 8), (1.0, 300.0, 8), (40.0, 5000.0, 8)]
+    for (span, duration, room), axis in zip(cases, compute(LABELS, cases), strict=True):
+        labels = axis["labels"]
+        step = axis["step"]
+        # Not more than have room, and not much fewer.
+        assert span / room <= step * (1 + 1e-9) and step <= 4.1 * span / room
+        times = [seconds_of(x) for x in labels]
+        assert times == pytest.approx([k * step for k in range(len(labels))])
+        assert len(set(labels)) == len(labels)
+        assert max(map(len, labels)) <= 12
+        assert ("s" in labels[-1]) == (duration < 120)

@@ -15,7 +15,7 @@ from armcontour.core.file_access import read_bytes, write_atomically
 from armcontour.files.job_file import drawing_text, read_job_mapping
 from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import write_data
-from armcontour.studio.recent import Recent, drop_recent, find_draft
+from armcontour.studio.recent import Recent, drop_recent, find_draft, find_run
 
 BOM = "\ufeff"
 # States of the file on disk, see `Document.on_disk`.
@@ -68,6 +68,9 @@ class Document:
         saved: Content of the file; None if it does not exist yet.
         origin: Job file, or drawing and cell, that opens the document again; None for an upload.
         is_start: True if the Studio shows the document because it was started without a file.
+
+    Attributes:
+        chosen_run: Run that the user chose to show, also in an earlier session; empty without one.
     """
 
     def __init__(
@@ -99,6 +102,7 @@ class Document:
         self._past: list[HistoryEntry] = []
         self._future: list[HistoryEntry] = []
         self.earlier_draft = None if origin is None else find_draft(*origin, self.text)
+        self.chosen_run = "" if origin is None else find_run(*origin)
         self.write_draft()
 
     @classmethod
@@ -238,6 +242,7 @@ class Document:
             opened=self._opened,
             text=unsaved,
             steps=[] if unsaved is None else self._stored_steps(),
+            run=self.chosen_run,
         )
         return entry.write() and unsaved is not None
 
@@ -267,6 +272,11 @@ class Document:
                 break
             steps.append([entry.label, entry.text])
         return steps[::-1]
+
+    def choose_run(self, run: str) -> None:
+        """Keep the run that the user chose to show, also for later sessions."""
+        self.chosen_run = run
+        self.write_draft()
 
     def unsaved(self) -> str | None:
         """Return a message that unsaved changes are in the draft; None without such changes."""

@@ -70,7 +70,7 @@ class Editor:
         self.rev = 1
         # Number of times that the files of documents were read.
         self.reading = 0
-        self.run = ""
+        self.run = document.chosen_run
         # Run that is shown again if the shown one no longer exists, as after undo.
         self._run_before = ""
         # Edges of the CAD model of the path; None without one, and while it is read.
@@ -95,7 +95,8 @@ class Editor:
         self.read_again()
         runs = self.run, self._run_before
         # The runs of the other document are not those of this one, even with the same names.
-        self.run = self._run_before = ""
+        self.run = document.chosen_run
+        self._run_before = ""
         state = self._read_state(document.data)
         if state.job is None and not is_blank(document.data):
             self.previewer.folder = before
@@ -120,7 +121,7 @@ class Editor:
         draft = self.document.earlier_draft
         if draft is None:
             raise InvalidInput("There is no draft that can be restored.")
-        self.commit(self.revise_text(draft.text), "restore the draft")
+        self.commit(self.revise_text(draft.text), "restore the draft", run=draft.run)
         self.document.restore_steps(draft.steps)
         self.document.drop_earlier_draft()
 
@@ -153,6 +154,7 @@ class Editor:
         """Show another run, and keep the one that was shown before it."""
         self._run_before = self.run
         self.run = run
+        self.document.choose_run(run)
 
     def change(self, action: Callable[[], None]) -> None:
         """Change the document by one of its methods, such as `undo`."""

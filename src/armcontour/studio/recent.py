@@ -47,6 +47,7 @@ class Recent:
         text: Unsaved text; None without unsaved changes.
         steps: Steps of the undo list that lead to the unsaved text, oldest first: the label of the
             change, and the text before it.
+        run: Name of the run that the user chose to show; empty without a choice.
     """
 
     id: str
@@ -57,6 +58,7 @@ class Recent:
     opened: str
     text: str | None
     steps: Sequence[Sequence[str]] = ()
+    run: str = ""
 
     def write(self) -> bool:
         """Store the document for recovery after a crash; False if the folder is not writable."""
@@ -112,6 +114,11 @@ def find_draft(file: FilePath, cell: str | None, text: str) -> Recent | None:
             is_newer = _file(x.id).stat().st_mtime_ns >= file.stat().st_mtime_ns
             return x if is_newer else None
     return None
+
+
+def find_run(file: FilePath, cell: str | None) -> str:
+    """Return the run that was shown last of a file; empty if it is unknown."""
+    return next((x.run for x in all_recent() if (x.file, x.cell) == (str(file), cell)), "")
 
 
 def _folder() -> FilePath:

@@ -314,6 +314,7 @@ class Session:
             if entry.text is not None:
                 # The user chose to continue this draft.
                 document.earlier_draft = entry
+                document.chosen_run = entry.run
             before = self.editor.document
             self.editor.open(document)
             if entry.text is not None:

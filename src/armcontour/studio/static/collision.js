@@ -73,7 +73,7 @@ function Contacts({ store, link }) {
 export function goTo(store, contact) {
   chosen = nameOf(contact);
   if (store.options.stage === "2d") store.setView({ stage: innerWidth >= 1000 ? "both" : "3d" });
-  store.setTime(contact.t);
+  store.goTo(contact.t);
 }
 
 /** @param {Store} store @param {Link} link */

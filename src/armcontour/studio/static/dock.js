@@ -34,8 +34,8 @@ function listen(list, choose) {
   };
 }
 
-/** The settings as a drawer, in pages that are too narrow for them beside the drawing. */
-function drawer() {
+/** The settings as a drawer, in pages that are too narrow for them beside the drawing. @param {Store} store */
+function drawer(store) {
   const [panel, button] = [find("#panel"), find("#panel-open")];
   const show = (/** @type {boolean} */ is) => {
     document.body.dataset.drawer = is ? "open" : "closed";
@@ -49,6 +49,8 @@ function drawer() {
   for (const above of ["#bar", "#figures"]) new ResizeObserver(place).observe(find(above));
   button.addEventListener("click", () => show(document.body.dataset.drawer !== "open"));
   find("#panel-close").addEventListener("click", () => show(false));
+  // Without a connection nothing can be set, and the message says how to go on.
+  store.on("link", (/** @type {any} */ { state }) => (state === "lost" || state === "refused") && show(false));
   // The ground beside the drawer closes it.
   addEventListener("pointerdown", ({ target }) => {
     const isBeside = target === document.body || !(/** @type {Element} */ (target).closest("#panel, #hint, #panel-open, dialog, [popover]"));
@@ -66,7 +68,7 @@ function drawer() {
 
 /** @param {Store} store */
 export function init(store) {
-  drawer();
+  drawer(store);
   const showTabs = listen("#tabs", (tab) => store.setView({ tab, dock: true }));
   const showSides = listen("#sides", (side) => store.setView({ side: /** @type {any} */ (side) }));
   const toggle = find("#dock-toggle");

@@ -34,7 +34,7 @@ const PLACES = {
   obstacle: (store) => headOf(store).obstacle_t,
   own_links: (store) => headOf(store).own_links_t,
 };
-/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server; and the keys that applied to the run. @typedef {{rev: number, rows: Rows, before: Rows | null, values: Record<string, string>, valuesBefore: Record<string, string>}} Past */
+/** Last exact figures of a run, and those before the change of the job that led to them, in the units of the server; and the keys that applied to the run. @typedef {{rev: number, rows: Rows, values: Record<string, string>, before: {rev: number, rows: Rows, values: Record<string, string>} | null}} Past */
 /** Past figures by the name of the run. @type {Map<string, Past>} */
 const past = new Map();
 
@@ -47,10 +47,20 @@ function remember(store) {
   const last = pastOf(store);
   // The figures of a certified plan are not those of the run.
   if (!figures || store.certificate || !store.isCurrent(figures) || figures.rev === last?.rev) return;
-  past.set(figures.head.run, {
-    ...{ rev: figures.rev, rows: rowsOf(store).rows, values: store.document.run_values },
-    ...{ before: last?.rows ?? null, valuesBefore: last?.values ?? {} },
-  });
+  const before = last ? { rev: last.rev, rows: last.rows, values: last.values } : null;
+  past.set(figures.head.run, { rev: figures.rev, rows: rowsOf(store).rows, values: store.document.run_values, before });
+}
+
+/**
+ * Return the last exact figures of the chosen run before the present state of the job, its keys, and how many changes of the job came
+ * since; null if there are none. Of a change that the next one follows soon, no exact figures are known.
+ * @param {Store} store @returns {{rows: Rows, values: Record<string, string>, changes: number} | null}
+ */
+export function stateBefore(store) {
+  const last = pastOf(store);
+  const { rev } = store.document;
+  const before = last && last.rev !== rev ? last : last?.before;
+  return before ? { rows: before.rows, values: before.values, changes: rev - before.rev } : null;
 }
 
 /** A figure; while its value is unknown, its place stays empty. @param {{name: string, row?: Row, seen?: Row, store: Store, exact: boolean}} props */
@@ -64,7 +74,7 @@ function Figure({ name, row, seen, store, exact }) {
   const { accuracy } = store.document?.data ?? {};
   const limit = name === "off_drawing" && typeof accuracy === "string" ? shownText(accuracy) : "";
   const isRepeated = Boolean(row?.unit) && limit.endsWith(` ${row?.unit}`);
-  const last = name === "duration" ? (exact ? pastOf(store)?.before : pastOf(store)?.rows)?.get(name) : undefined;
+  const last = name === "duration" ? (exact ? pastOf(store)?.before?.rows : pastOf(store)?.rows)?.get(name) : undefined;
   const old = last && shownRow(last);
   const gain = old && row && old.text !== row.text ? [difference(row, old), `was ${whole(old.text)} ${old.unit}`].filter(Boolean).join(", ") : "";
   const text = row?.unit ? whole(row.text) : row?.text;

@@ -28,6 +28,8 @@ const ZERO = 1e-9;
 const ASIDE = [14, -40]; // px
 /** Radii of the marks of a measured point: a dot in a ring, unlike any line of the drawing [px]. */
 const [DOT, RING] = [3, 8];
+/** Half the width of the cross that shows a centre [px]. */
+const CROSS = 8;
 
 export class Measure {
   /** @param {Store} store @param {Link} link */
@@ -93,7 +95,7 @@ export class Measure {
     const added = { ...view, marks, label };
     this.views.push(added);
     let [x, y] = [0, 0];
-    const seek = oncePerFrame(() => this.hover(this.isOn && added.shapes().length < MOST_HOVERED ? this.nearest(added, x, y, 1) : null));
+    const seek = oncePerFrame(() => this.hover(this.isOn && added.shapes().length < MOST_HOVERED ? this.nearest(added, x, y, 1, true) : null));
     ground.addEventListener("pointermove", (event) => {
       if (!this.isOn || /** @type {PointerEvent} */ (event).buttons) return;
       [x, y] = placeIn(ground, /** @type {PointerEvent} */ (event));
@@ -114,24 +116,32 @@ export class Measure {
   click(name, x, y, finger) {
     const view = this.views.find((found) => found.name === name);
     if (!this.isOn || !view) return false;
-    const shape = this.nearest(view, x, y, finger ? FINGER : 1) ?? surfacePoint(view, x, y);
+    const shape = this.shownCentre(view, x, y) ?? this.nearest(view, x, y, finger ? FINGER : 1) ?? surfacePoint(view, x, y);
     this.clicked = shape ? [...(this.clicked.length < 2 ? this.clicked : []), shape] : [];
     this.soon();
     return true;
   }
 
-  /** Return the shape at a place: a point if one is near, else a line or a circle. @param {View} view @param {number} x px @param {number} y px @param {number} factor of the distances within which it is found @returns {Shape | null} */
-  nearest(view, x, y, factor) {
+  /** Return the centre that is shown at a place; no other centre is taken, because a click would go to a place where nothing is. @param {View} view @param {number} x px @param {number} y px @returns {Shape | null} */
+  shownCentre(view, x, y) {
+    const { hovered } = this;
+    if (!hovered?.round) return null;
+    const [[u, v]] = view.see(hovered.points);
+    return Math.hypot(u - x, v - y) < NEAR_POINT ? hovered : null;
+  }
+
+  /** Return the shape at a place: a point if one is near, else a line or a circle. @param {View} view @param {number} x px @param {number} y px @param {number} factor of the distances within which it is found @param {boolean} [withCentres] @returns {Shape | null} */
+  nearest(view, x, y, factor, withCentres = false) {
     let [nearest, away] = [/** @type {Shape | null} */ (null), NEAR_SHAPE * factor];
     let [point, least] = [/** @type {Shape | null} */ (null), NEAR_POINT * factor];
     for (const shape of view.shapes()) {
       const seen = view.see(shape.points);
       const distance = distanceTo(seen, x, y);
       if (distance < away) [nearest, away] = [shape, distance];
-      for (const { at, of } of snapPoints(shape)) {
-        const [[u, v]] = view.see([at]);
+      for (const snap of [...snapPoints(shape), ...(withCentres ? centresOf(shape) : [])]) {
+        const [[u, v]] = view.see(snap.points);
         const far = Math.hypot(u - x, v - y);
-        if (far < least) [point, least] = [pointShape(at, of), far];
+        if (far < least) [point, least] = [snap, far];
       }
     }
     if (point) return point;
@@ -148,7 +158,7 @@ export class Measure {
     for (const view of views) {
       const { marks, label, see } = view;
       const isShown = isOn && view.isShown();
-      mark(marks.hover, "d", isShown && this.hovered ? pathOf(see(this.hovered.points)) + dotsOf(see(this.hovered.kind === "point" ? this.hovered.points : []), DOT) : "");
+      mark(marks.hover, "d", isShown && this.hovered ? hoverPath(this.hovered, see) : "");
       const ends = found ? see(found.ends) : [];
       const places = !isShown ? [] : found ? ends : see(clicked.flatMap(marksOf));
       const rings = dotsOf(places, RING);
@@ -169,6 +179,7 @@ export class Measure {
     this.box.dataset.distance = found ? String(found.distance) : "";
     this.box.dataset.angle = found?.angle == null ? "" : String(found.angle);
     this.box.dataset.kinds = clicked.map(({ kind }) => kind).join(" ");
+    this.box.dataset.hovered = this.hovered ? pickedName(this.hovered) : "";
     this.box.dataset.picks = clicked.map(pickedName).join(", ");
     render(html`<p class="tool-title"><b>Measure</b></p>
       ${big ? html`<p class="measured-big">${big}</p><p>${small}</p>` : html`<p class="quiet">Click a point, a line or a circle, then a second one.</p>`}
@@ -209,14 +220,24 @@ export class Measure {
   }
 }
 
-/** Return the ends and the middle of a line, the centre of a circle. @param {Shape} shape @returns {{at: Vector, of: string}[]} */
-function snapPoints({ kind, points, centre }) {
+/** Return the ends of a line, an arc or a curve, and the middle of a line. @param {Shape} shape @returns {Shape[]} */
+function snapPoints({ kind, points }) {
+  if (kind === "circle") return [];
   const [first, last] = [points[0], /** @type {Vector} */ (points.at(-1))];
-  const ends = [first, last].map((at) => ({ at, of: `end of a${kind === "arc" ? "n" : ""} ${kind}` }));
-  if (kind === "line") return [...ends, { at: plus(first, minus(last, first), 0.5), of: "middle of a line" }];
-  if (!centre) return ends;
-  const middle = { at: centre, of: `centre of a${kind === "arc" ? "n" : ""} ${kind}` };
-  return kind === "circle" ? [middle] : [...ends, middle];
+  const ends = [first, last].map((at) => pointShape(at, `end of a${kind === "arc" ? "n" : ""} ${kind}`));
+  return kind === "line" ? [...ends, pointShape(plus(first, minus(last, first), 0.5), "middle of a line")] : ends;
+}
+
+/** Return the centre of a circle or an arc. @param {Shape} shape @returns {Shape[]} */
+function centresOf(shape) {
+  const { kind, centre } = shape;
+  return centre ? [{ ...pointShape(centre, `centre of a${kind === "arc" ? "n" : ""} ${kind}`), round: shape }] : [];
+}
+
+/** Return the mark of a shape under the pointer: its line, or its dot; of a centre a cross, and the line of its circle. @param {Shape} shape @param {(points: Vector[]) => number[][]} see */
+function hoverPath({ kind, points, round }, see) {
+  if (round) return crossOf(see(points), CROSS) + pathOf(see(round.points));
+  return kind === "point" ? dotsOf(see(points), DOT) : pathOf(see(points));
 }
 
 /** Return in words what was picked. @param {Shape} shape */
@@ -265,6 +286,9 @@ function distanceTo(seen, x, y) {
 
 /** @param {number[][]} seen px @returns {string} */
 const pathOf = (seen) => (seen.length > 1 && seen.every(([x]) => Number.isFinite(x)) ? `M${seen.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`).join("L")}` : "");
+
+/** @param {number[][]} seen px @param {number} size half its width [px] @returns {string} */
+const crossOf = (seen, size) => seen.filter(([x]) => Number.isFinite(x)).map(([x, y]) => `M${(x - size).toFixed(1)} ${y.toFixed(1)}h${2 * size}M${x.toFixed(1)} ${(y - size).toFixed(1)}v${2 * size}`).join("");
 
 /** @param {number[][]} seen px @param {number} radius px @returns {string} */
 const dotsOf = (seen, radius) => seen.filter(([x]) => Number.isFinite(x)).map(([x, y]) => `M${(x - radius).toFixed(1)} ${y.toFixed(1)}a${radius} ${radius} 0 1 0 ${2 * radius} 0a${radius} ${radius} 0 1 0 ${-2 * radius} 0`).join("");

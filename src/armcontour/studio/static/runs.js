@@ -3,7 +3,7 @@
 import { ask } from "./dialog.js";
 import { verdictOf } from "./colours.js";
 import { find, whileSeen } from "./dom.js";
-import { pastOf, rowsOf } from "./figures.js";
+import { rowsOf, stateBefore } from "./figures.js";
 import { difference, NONE, textOf, timeText } from "./format.js";
 import { Heads } from "./components.js";
 import { inches, shownRow, shownText } from "./units.js";
@@ -91,9 +91,10 @@ export function init(store, link) {
   };
   const row = (/** @type {any} */ { name }, /** @type {any[]} */ keys, /** @type {Known | undefined} */ figures = known.get(name)) => {
     const { run, runs } = store.document;
-    const isPast = figures !== undefined && figures === pastOf(store)?.before;
+    const before = stateBefore(store);
+    const isPast = figures !== undefined && figures === before?.rows;
     const isShown = name === run;
-    const valueOf = (/** @type {any} */ { key, values }) => (isPast ? pastOf(store)?.valuesBefore[key] : values[name]) ?? NONE;
+    const valueOf = (/** @type {any} */ { key, values }) => (isPast ? before?.values[key] : values[name]) ?? NONE;
     const shown = (/** @type {Known | undefined} */ of, /** @type {string} */ x) => of?.get(x) && shownRow(/** @type {any} */ (of.get(x)));
     const [kept, duration, off, rms, largest] = ["kept", "duration", "off_drawing", "contour_error.rms", "contour_error.max"].map((x) => shown(figures, x));
     const delta = (/** @type {any} */ x) => (isShown ? "" : difference(x, shown(known.get(run), x?.name)));
@@ -118,7 +119,8 @@ export function init(store, link) {
   const draw = () => {
     if (!store.document) return;
     const { name: job, hash, run, runs, run_keys: all } = store.document;
-    const before = pastOf(store)?.before;
+    const before = stateBefore(store);
+    const changes = before?.changes === 1 ? "change" : `${before?.changes} changes`;
     const keys = all.slice(0, MAX_KEYS);
     // The last name of a key is enough, unless another key has it as well.
     const lastOf = (/** @type {string} */ key) => key.split(".").at(-1) ?? key;
@@ -130,7 +132,7 @@ export function init(store, link) {
     const same = runs.length > 1 && !all.length ? "All runs have the same keys. " : all.length > MAX_KEYS ? `The runs differ in ${all.length} keys; the first ${MAX_KEYS} have a column. ` : "";
     render(html`<p class="acts"><button type="button" onClick=${add}>New run like this one</button> ${work}
         <span class="quiet made">${same}${when}, job ${job}, SHA-256 ${hash}. Figures of an earlier state of the job are left out.</span></p>
-        <table><caption class="unseen">Runs</caption><${Heads} names=${["(name)", ...keys.map(called), ...FIGURES]} words=${keys.length + 1} /><tbody>${runs.map((/** @type {any} */ x) => row(x, keys))}${before && row({ name: `${run}, before the last change` }, keys, before)}</tbody></table>`, region);
+        <table><caption class="unseen">Runs</caption><${Heads} names=${["(name)", ...keys.map(called), ...FIGURES]} words=${keys.length + 1} /><tbody>${runs.map((/** @type {any} */ x) => row(x, keys))}${before && row({ name: `${run}, before the last ${changes}` }, keys, before.rows)}</tbody></table>`, region);
   };
   const update = whileSeen(store, region, EVENTS, draw);
   inches.subscribe(update);

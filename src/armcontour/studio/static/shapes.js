@@ -14,6 +14,7 @@ import { cross, dot, length, minus, plus, unit } from "./vectors.js";
  * @property {number} [radius]
  * @property {Vector} [axis]
  * @property {string} [of]   what a point is, in words
+ * @property {Shape} [round]   the circle or the arc of which a point is the centre
  */
 /**
  * What two shapes measure: the ends of the shortest line between them, its length and components [m], and their angle [rad].

@@ -5,8 +5,8 @@ import { contourLabel, mm, short } from "./format.js";
 import { contourTimes } from "./motion_places.js";
 import { kindAt, largest } from "./polylines.js";
 import { indexAt } from "./state.js";
+import { timeLabel, timeStep } from "./time_labels.js";
 import { shownText } from "./units.js";
-import { roundUp } from "./viewport.js";
 
 /** @typedef {import("./state.js").Frame} Frame */
 /** @typedef {import("./state.js").Numbers} Numbers */
@@ -23,6 +23,8 @@ const CROWDED = 14;
 const BESIDE = 6;
 /** Height of the bar that shows which part is shown [px]. */
 const BAR = 3;
+/** Steps that differ by less are the same [steps]. */
+const SAME = 1e-9;
 const FONT = "11px system-ui, sans-serif";
 
 /**
@@ -190,9 +192,12 @@ function nameSpeeds(sheet, { arrays: { rapid_t: times, rapid_most: most, rapid_b
 function drawTimes(sheet) {
   const { context, scale, height } = sheet;
   context.fillStyle = themed("--quiet");
-  const step = roundUp((APART / scale.width) * scale.span);
-  for (let k = Math.ceil(scale.begin / step); scale.xOf(k * step) < scale.width - APART / 2; k++)
-    write(sheet, `${Number((k * step).toPrecision(6))} s`, scale.xOf(k * step) + 1, height - 3);
+  const step = timeStep((APART / scale.width) * scale.span, scale.duration);
+  for (let k = Math.ceil(scale.begin / step - SAME); k * step <= scale.end; k++) {
+    const text = timeLabel(k * step, step, scale.duration);
+    const left = scale.xOf(k * step) + 1;
+    if (left + context.measureText(text).width <= scale.width) write(sheet, text, left, height - 3);
+  }
 }
 
 /** Mark the time of a refusal. @param {Sheet} sheet @param {number} t s */
