@@ -126,7 +126,7 @@ def test_the_certificate_of_the_readme_has_the_stated_figures(tmp_path, monkeypa
     bound = max(x["robots"]["bound"] for x in certificate["contours"])
     (stated,) = re.findall(
         r"motion of ([\d.]+) s during which the servo's contour error is at most ([\d.]+) mm.*?"
-        r"takes ([\d.]+) s, this error can be ([\d.]+) mm",
+        r"takes ([\d.]+) s, a simulated robot within this range is ([\d.]+) mm off",
         " ".join(text.split()),
     )
     is_printed([certificate["duration"]], stated[:1])
