@@ -400,7 +400,9 @@ def test_clicks_in_space_measure_obstacles(page, folder):
     # The circles of the ball have their centre there.
     centre = origin_of(studio)
     studio.page.keyboard.press("m")
-    studio.page.mouse.move(*centre)
+    expect(studio.find(".measure-box")).to_be_visible()
+    studio.page.evaluate(TWO_FRAMES)
+    studio.page.mouse.move(*centre, steps=4)
     studio.wait(".measure-box", hovered="centre of a circle")
     studio.page.mouse.down()
     studio.page.mouse.up()
