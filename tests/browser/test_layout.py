@@ -1,5 +1,7 @@
 """Layout at four widths: no text is cut or lies over another one, and targets fit fingers."""
 
+import re
+
 import ezdxf
 import pytest
 from playwright.sync_api import expect
@@ -361,3 +363,16 @@ def test_a_stopped_studio_is_told_over_no_drawer_and_in_a_bar_of_one_line(
         # A click reaches the button, because nothing covers it.
         studio.save_file(copy)
         check_bar()
+
+
+def test_the_number_of_notes_fits_its_tab_on_a_phone(pages, folder):
+    write_shapes(folder / "noted.dxf", 230, columns=20, pitch=6, radius=2)
+    job = JOB.replace("plate.dxf", "noted.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
+    (folder / "noted.yaml").write_text(job)
+    studio = pages(size=(390, 844))
+    studio.begin()
+    studio.open(folder / "noted.yaml")
+    studio.rest()
+    open_settings(studio, "notes")
+    expect(studio.find("#tab-button-notes")).to_have_text(re.compile(r"Notes \(\d+\)"))
+    check(studio, "notes")
