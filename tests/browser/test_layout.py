@@ -57,6 +57,15 @@ def begin(pages, size):
     return studio
 
 
+def write_many(job, count, columns, pitch, radius):
+    """Write a job with many contours, and its drawing beside it; return the job."""
+    drawing = job.with_suffix(".dxf")
+    write_shapes(drawing, count, columns=columns, pitch=pitch, radius=radius)
+    text = JOB.replace("plate.dxf", drawing.name).replace("420 mm, -20 mm", "380 mm, -60 mm")
+    job.write_text(text)
+    return job
+
+
 def open_settings(studio, side):
     """Open a tab of the settings, which are a drawer in narrow pages."""
     if studio.find("#panel-open").is_visible() and studio.told("body", "drawer") != "open":
@@ -194,12 +203,10 @@ def test_messages_lie_beside_the_stage(pages):
 
 
 def test_120_contours_are_listed(pages, folder):
-    write_shapes(folder / "many.dxf", 120, columns=12, pitch=12, radius=4)
-    job = JOB.replace("plate.dxf", "many.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
-    (folder / "many.yaml").write_text(job)
+    job = write_many(folder / "many.yaml", 120, columns=12, pitch=12, radius=4)
     studio = pages(size=(1440, 900))
     studio.begin()
-    studio.open(folder / "many.yaml")
+    studio.open(job)
     expect(studio.find("ol.contours li")).to_have_count(120)
     check(studio, "120 contours")
     # The last row is reached in the list, and its contour is shown.
@@ -208,12 +215,10 @@ def test_120_contours_are_listed(pages, folder):
 
 
 def test_every_one_of_many_contours_is_reached_in_the_list(pages, folder):
-    write_shapes(folder / "more.dxf", 230, columns=20, pitch=6, radius=2)
-    job = JOB.replace("plate.dxf", "more.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
-    (folder / "more.yaml").write_text(job)
+    job = write_many(folder / "more.yaml", 230, columns=20, pitch=6, radius=2)
     studio = pages(size=(1440, 900))
     studio.begin()
-    studio.open(folder / "more.yaml")
+    studio.open(job)
     rows = studio.find("ol.contours li")
     expect(rows).to_have_count(200)
     pages_of = studio.find("#tab-contours .pages")
@@ -366,12 +371,10 @@ def test_a_stopped_studio_is_told_over_no_drawer_and_in_a_bar_of_one_line(
 
 
 def test_the_number_of_notes_fits_its_tab_on_a_phone(pages, folder):
-    write_shapes(folder / "noted.dxf", 230, columns=20, pitch=6, radius=2)
-    job = JOB.replace("plate.dxf", "noted.dxf").replace("420 mm, -20 mm", "380 mm, -60 mm")
-    (folder / "noted.yaml").write_text(job)
+    job = write_many(folder / "noted.yaml", 230, columns=20, pitch=6, radius=2)
     studio = pages(size=(390, 844))
     studio.begin()
-    studio.open(folder / "noted.yaml")
+    studio.open(job)
     studio.rest()
     open_settings(studio, "notes")
     expect(studio.find("#tab-button-notes")).to_have_text(re.compile(r"Notes \(\d+\)"))

@@ -22,7 +22,7 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
 if TYPE_CHECKING:
-    from armcontour.control.identification import Estimate, Identification
+    from armcontour.control.identification import Estimate, Identification, JointIdentification
 
 # Comments on parameters of a servo file, after their units.
 COMMENTS = {
@@ -117,23 +117,29 @@ def servo_yaml(identification: Identification, assumed: ServoModel | None = None
     `assumed`: servo of the joints that no log moves; by default they have no model.
     """
     servo = identification.servo_model(assumed)
+    keeps_assumed = assumed is not None
     lines = [
         f"# Identified from {identification.source} by armcontour {__version__}. Copy it into a "
         "job file.",
-        *(
-            f"# {x.name} does not move in the logs and keeps its assumed servo."
-            if assumed is not None and not x.moves
-            else f"# {x.note}"
-            if x.note
-            else f"# {x.name}: {'effective ' * x.effective}"
-            + "; ".join(map(_estimate_text, x.estimates))
-            for x in identification.joints
-        ),
+        *(f"# {_describe_joint(x, keeps_assumed)}" for x in identification.joints),
         *(f"# {x.saturation}" for x in identification.joints if x.saturation),
         *([f"# {servo.doubt}"] if servo.doubt else []),
         *servo_lines(servo, [x.prismatic for x in identification.joints]),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _describe_joint(joint: JointIdentification, keeps_assumed: bool) -> str:
+    """Describe in one line what was identified of a joint.
+
+    `keeps_assumed`: whether joints that no log moves have an assumed servo.
+    """
+    if keeps_assumed and not joint.moves:
+        return f"{joint.name} does not move in the logs and keeps its assumed servo."
+    if joint.note:
+        return joint.note
+    estimates = "; ".join(map(_estimate_text, joint.estimates))
+    return f"{joint.name}: {'effective ' * joint.effective}{estimates}"
 
 
 def servo_values(

@@ -298,7 +298,8 @@ def _execution_rows(result: RunRecord) -> Iterator[Row]:
     if evaluation is None and result.trajectory.arm is not None:
         yield from tool_speeds(result.motion, result.motion.tool_speed).rows
     if evaluation is not None:
-        for row in [*_evaluation_rows(result, evaluation), *_angular_rows(result.motion)]:
+        evaluated = _with_origin_of_error(evaluation.to_data().rows, result, evaluation)
+        for row in [*evaluated, *_angular_rows(result.motion)]:
             if row.name == "limit_ratios":
                 yield row
             elif row.name != "duration":  # `verdict_rows` has the duration
@@ -324,7 +325,7 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
     if experiment is None:
         return
     data = experiment.evaluation.to_data()
-    rows = _evaluation_rows(result, experiment.evaluation)
+    rows = _with_origin_of_error(data.rows, result, experiment.evaluation)
     motion = experiment.execution
     limit = result.run.limits.joint_torque
     applied = None if motion.torque is None else np.abs(motion.torque).max(axis=0)
@@ -337,16 +338,20 @@ def _experiment_rows(result: RunRecord) -> Iterator[Row]:
     yield Row("cornering", data.tables[0].as_dicts())
 
 
-def _evaluation_rows(result: RunRecord, evaluation: Evaluation) -> list[Row]:
-    """Return the rows of an evaluation, with the place in the file of the largest contour error."""
-    rows = list(evaluation.to_data().rows)
+def _with_origin_of_error(
+    rows: Sequence[Row], result: RunRecord, evaluation: Evaluation
+) -> Sequence[Row]:
+    """Add the place in the file of the largest contour error to the rows of an evaluation."""
     origin = result.path.origin_at(evaluation.contour_error.s_max)
     if not origin:
         return rows
-    for i, row in enumerate(rows):
+    changed = []
+    for row in rows:
         if row.name == "contour_error.max":
-            rows[i] = replace(row, note=f"{row.note}, {origin}")
-    return [*rows, Row("contour_error.origin", origin)]
+            changed.append(replace(row, note=f"{row.note}, {origin}"))
+        else:
+            changed.append(row)
+    return [*changed, Row("contour_error.origin", origin)]
 
 
 def _with_origin_of_slowest(explanation: Explanation, program: Program) -> Data:
@@ -356,10 +361,12 @@ def _with_origin_of_slowest(explanation: Explanation, program: Program) -> Data:
     origin = "" if slowest is None else program.origin_at(slowest.s)
     if slowest is None or not origin:
         return data
-    rows = list(data.rows)
-    for i, row in enumerate(rows):
+    rows = []
+    for row in data.rows:
         if row.name == "slowest":
-            rows[i] = replace(row, value=f"{slowest.sentence}, {origin}")
+            rows.append(replace(row, value=f"{slowest.sentence}, {origin}"))
+        else:
+            rows.append(row)
     return replace(data, rows=tuple(rows))
 
 
