@@ -28,6 +28,7 @@ from armcontour.files.csv_table import (
 from armcontour.files.drawings.path_reader import YAML
 from armcontour.files.exports.export_table import (
     EVENT_KEYS,
+    REFERENCE,
     WAIT_KEYS,
     SetPointTable,
     equals_plan,
@@ -394,10 +395,26 @@ class StoredRun:
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
         """Return the table of the set-points; `derivatives` as in `tabulate`."""
         stored = self._read("set_points.csv")
+        samples = self._with_derivatives(stored, derivatives)
+        return self._table("set_points", stored, samples, derivatives)
+
+    def plan(self, derivatives: int | None = None) -> SetPointTable:
+        """Return the table of the plan, for controllers that plan the motion between points."""
+        stored = self._read("planned.csv")
+        if stored.dq is None or stored.ddq is None:
+            samples = sample_spline(stored.q, self.cycle)
+        else:
+            samples = Samples(t=stored.t, q=stored.q, dq=stored.dq, ddq=stored.ddq)
+        return self._table(REFERENCE, stored, samples, derivatives)
+
+    def _table(
+        self, label: str, stored: TrajectoryFile, samples: Samples, derivatives: int | None
+    ) -> SetPointTable:
+        """Return the table of samples that are those of a file, with the events of the run."""
         start = float(stored.t[0])
         return tabulate(
-            self._with_derivatives(stored, derivatives),
-            name=f"{self.title} {self.name} set_points",
+            samples,
+            name=f"{self.title} {self.name} {label}",
             cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
             waits=tuple(x.shifted(-start) for x in self.waits),
@@ -406,7 +423,7 @@ class StoredRun:
             prismatic=tuple(x is True for x in stored.prismatic),
             external=self.external,
             derivatives=derivatives,
-            command_limits=Limits() if self.limited else None,
+            command_limits=Limits() if self.limited and label != REFERENCE else None,
         )
 
     def _with_derivatives(self, stored: TrajectoryFile, derivatives: int | None) -> Samples:

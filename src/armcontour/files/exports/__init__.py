@@ -3,7 +3,8 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "formats": "CsvFormat McapFormat RosYamlFormat TemplateFormat URScriptFormat export",
+    "formats": "CsvFormat McapFormat RosYamlFormat TemplateFormat URScriptFormat",
+    "exporting": "export",
     "ros": "GoalTolerances predict_tolerances",
     "export_table": "SetPointTable make_table",
 }

@@ -1,10 +1,10 @@
 from armcontour.files.exports.export_table import SetPointTable as SetPointTable
 from armcontour.files.exports.export_table import make_table as make_table
+from armcontour.files.exports.exporting import export as export
 from armcontour.files.exports.formats import CsvFormat as CsvFormat
 from armcontour.files.exports.formats import McapFormat as McapFormat
 from armcontour.files.exports.formats import RosYamlFormat as RosYamlFormat
 from armcontour.files.exports.formats import TemplateFormat as TemplateFormat
 from armcontour.files.exports.formats import URScriptFormat as URScriptFormat
-from armcontour.files.exports.formats import export as export
 from armcontour.files.exports.ros import GoalTolerances as GoalTolerances
 from armcontour.files.exports.ros import predict_tolerances as predict_tolerances

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import error_context
-from armcontour.files.exports.export_table import SetPointTable, regular_times
+from armcontour.files.exports.export_table import REFERENCE, SetPointTable, regular_times
 from armcontour.files.exports.formats import (
     TemplateFormat,
     check_inputs,
@@ -24,8 +24,6 @@ from armcontour.motion import TimedEvent, TimedWait
 from armcontour.program import Event, Process
 from armcontour.program.moves import events_of
 
-# Name of the exported plan, without compensation.
-REFERENCE = "reference"
 # Number of points in a trial; a KUKA spline needs two.
 TRIAL_POINTS = 3
 

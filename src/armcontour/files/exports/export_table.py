@@ -67,6 +67,8 @@ NANO = 9
 FORMAT_BLOCK = 1 << 16
 # Largest number of samples whose torques are computed at once, which limits the memory.
 SAMPLES_AT_ONCE = 50_000
+# Name of the exported plan, without compensation.
+REFERENCE = "reference"
 # Units of the quantities of revolute joints.
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
 # Attributes of events in JSON; `event_data` adds `point`.

@@ -1,14 +1,14 @@
-"""Export formats: a class with the options of each format, and the function `export`."""
+"""Export formats: a class with the options of each format."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path as FilePath
 from pathlib import PurePath
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
 
 from armcontour.core import file_access
 from armcontour.core.checks import FloatArray
@@ -19,10 +19,14 @@ from armcontour.core.text import show
 from armcontour.files.exports.export_table import (
     POSITION_DECIMALS,
     SetPointTable,
-    make_table,
     write_csv,
 )
-from armcontour.files.exports.ros import GoalTolerances, select_points, write_ros_yaml
+from armcontour.files.exports.ros import (
+    GoalTolerances,
+    predict_tolerances,
+    select_points,
+    write_ros_yaml,
+)
 from armcontour.files.exports.template import (
     BUILT_IN,
     ENDING,
@@ -36,9 +40,16 @@ from armcontour.files.exports.template import (
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
 from armcontour.motion import Execution, SetPoints, Trajectory
-from armcontour.robot import Arm
+from armcontour.motion.trajectory import COMMAND_SLACK
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import use_of
+
+if TYPE_CHECKING:
+    from armcontour.jobs import RunResult
 
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
+# Ratio of an exported acceleration to its limit above which a warning is given.
+MAX_ACCELERATION_RATIO = 3.0
 Derivatives = Annotated[int, AtLeast(0, 2)]
 # Programs for robots of Universal Robots.
 URSCRIPT = RobotProgram(
@@ -48,6 +59,7 @@ URSCRIPT = RobotProgram(
     substitute="messages (textmsg)",
     advice="stream the set-points over RTDE (--export csv)",
     digit=10.0**-POSITION_DECIMALS,
+    keeps_times=True,
 )
 
 
@@ -76,6 +88,11 @@ class ExportFormat(Checked):
     def label(self) -> str:
         """Name of the format or of its template, for messages."""
         return self.kind
+
+    @property
+    def keeps_times(self) -> bool:
+        """True if points are commanded at their times; otherwise the controller plans."""
+        return self.program is None or self.program.keeps_times
 
     @property
     def program(self) -> RobotProgram | None:
@@ -149,6 +166,12 @@ class ExportFormat(Checked):
         """
         return self
 
+    def of_run(
+        self, options: Exports, result: RunResult, data: SetPoints | Trajectory, arm: Arm
+    ) -> ExportFormat:
+        """Return the format with what it takes from a run; `data` are exported."""
+        return self.with_motions(result.trajectory, arm, result.execution)
+
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:
         """Table of the points that are written: all, or fewer for ros-yaml with `points`.
@@ -207,6 +230,7 @@ class RosYamlFormat(ExportFormat):
         points: Largest number of points; by default all points are written.
         point_tolerance: Largest difference that fewer points cause between the interpolation of the
             controller and that of all points, at any joint [rad]; required with `points`.
+        limits: Limits with which exported accelerations are compared, for a warning.
     """
 
     kind: ClassVar[str] = "ros-yaml"
@@ -215,6 +239,38 @@ class RosYamlFormat(ExportFormat):
     tolerances: GoalTolerances | None = None
     points: Annotated[int, AtLeast(2)] | None = None
     point_tolerance: PointTolerance | None = None
+    limits: Limits | None = None
+
+    def of_run(
+        self, options: Exports, result: RunResult, data: SetPoints | Trajectory, arm: Arm
+    ) -> RosYamlFormat:
+        """Return the format with the limits of a run, and with tolerances of its execution."""
+        format = replace(self, limits=result.run.limits)
+        if isinstance(data, SetPoints) and options.tolerances and result.execution is not None:
+            tolerances = predict_tolerances(result.execution, options.tolerances)
+            format = replace(format, tolerances=tolerances)
+        return format
+
+    @checked
+    def describe(self, table: SetPointTable) -> list[str]:
+        """Also warn if accelerations exceed command limits, or by far the joint limits."""
+        return [*self._acceleration_warnings(table), *ExportFormat.describe(self, table)]
+
+    def _acceleration_warnings(self, table: SetPointTable) -> list[str]:
+        """Warn if exported accelerations exceed command limits, or by far the joint limits."""
+        commands = table.command_limits
+        limits = self.limits if commands is None else commands
+        if limits is None or table.ddq is None or limits.joint_acceleration is None:
+            return []
+        ratio = use_of("joint_acceleration", limits, table.ddq).largest
+        joint = int(np.argmax(ratio))
+        if ratio[joint] < (MAX_ACCELERATION_RATIO if commands is None else 1 + COMMAND_SLACK):
+            return []
+        return [
+            "a controller that follows the exported accelerations requires up to "
+            f"{ratio[joint]:.3g} times the acceleration limit of {table.joint_names[joint]}. Set "
+            "command_limits.joint_acceleration, and export without derivatives."
+        ]
 
     def last_digit(self, table: SetPointTable) -> float:
         """Return the value of the last digit of joint positions [rad]."""
@@ -463,66 +519,6 @@ def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
 def inputs_of(format: ExportFormat) -> Mapping[str, int | str]:
     """Return the inputs of waits by their names; empty for formats without inputs."""
     return getattr(format, "inputs", None) or {}
-
-
-@checked
-def export(
-    data: SetPoints | Trajectory,
-    file: str | FilePath,
-    format: ExportFormat | str | None = None,
-    *,
-    arm: Arm | None = None,
-    joint_names: Sequence[str] | None = None,
-    cycle: float | None = None,
-) -> None:
-    """Write set-points or a trajectory to a file.
-
-    Times of points and events count from the first set-point. An existing file is replaced. If
-    writing fails, the existing file is unchanged.
-
-    >>> ac.export(set_points, "set_points.csv")
-    >>> ac.export(planned, "plan.csv", arm=arm, cycle=0.01)
-
-    Args:
-        data: Set-points, or a trajectory for a controller that needs no compensation.
-        file: The destination.
-        format: The format by its name, such as "urscript", or with its options, such as
-            URScriptFormat(outputs={"tool": 0}); by default that of the file's extension.
-        arm: The arm, which gives the joint names.
-        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
-
-    Warns:
-        UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
-            an event or set an analog output, because no output is named; or a program has more than
-            10,000 points.
-
-    Raises:
-        InvalidInput: No format has the extension, an output belongs to an unknown event, the format
-            does not wait for inputs or an input is not named, the template has an error, the format
-            does not support the data, or the file cannot be written.
-    """
-    destination = FilePath(file)
-    named = format_of(destination) if format is None else format
-    chosen = format_named(named) if isinstance(named, str) else named
-    chosen = chosen.with_motions(data.trajectory if isinstance(data, SetPoints) else data, arm)
-    table = make_table(
-        data,
-        name=destination.stem if chosen.name is None else chosen.name,
-        arm=arm,
-        joint_names=joint_names,
-        cycle=cycle,
-        # Some formats have no such options.
-        derivatives=getattr(chosen, "derivatives", 0),
-        analog=getattr(chosen, "analog", None),
-    )
-    check_outputs(outputs_of(chosen), names_of(table), option="outputs", owner=repr(table.name))
-    check_inputs(inputs_of(chosen), table_inputs(table), option="inputs", owner=repr(table.name))
-    chosen.check(table)
-    # Warnings come before writing, so that nothing is written if warnings are errors.
-    for sentence in chosen.describe(table):
-        warnings.warn(f"Format {chosen.label}: {sentence}", stacklevel=3)
-    write_destination(destination, partial(chosen.write, table))
 
 
 def names_of(table: SetPointTable) -> set[str]:

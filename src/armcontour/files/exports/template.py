@@ -51,12 +51,19 @@ class RobotProgram:
     substitute: str  # What the program contains instead of an event without an output
     advice: str  # How to shorten a program that is too long
     digit: float  # Value of the last digit of joint positions [rad]
+    keeps_times: bool  # False if the controller plans the motion between points, as with KRL
 
 
 # Programs of the templates of the package by name.
 PROGRAMS = {
     "kuka": RobotProgram(
-        output=17, input=5, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
+        output=17,
+        input=5,
+        analog=1,
+        substitute="comments",
+        advice=LONGER_CYCLE,
+        digit=LAST_DIGIT,
+        keeps_times=False,
     ),
     "abb": RobotProgram(
         output="doTool",
@@ -65,6 +72,7 @@ PROGRAMS = {
         substitute="comments",
         advice=LONGER_CYCLE,
         digit=LAST_DIGIT,
+        keeps_times=False,
     ),
 }
 

@@ -137,23 +137,18 @@ def export(request: Request) -> MessageFrame:
     exports the set-points of `request.plan`, which a certificate proves.
     """
     from armcontour.files.exports.export_checks import check_export
-    from armcontour.files.exports.export_table import make_table
-    from armcontour.files.exports.formats import (
-        ENDINGS,
-        format_named,
-        outputs_of,
-        write_destination,
-    )
+    from armcontour.files.exports.exporting import Exporting
+    from armcontour.files.exports.formats import ENDINGS, format_named, outputs_of
     from armcontour.files.exports.identifiers import identifier
-    from armcontour.jobs import analog_outputs
 
     kind = str(request.option("format", "csv"))
     if kind not in ENDINGS:
         raise InvalidInput(f"The format must be one of {', '.join(ENDINGS)}, but is {kind!r}.")
-    source = request.option("of", PLAIN)
+    job = request.job
+    format = format_named(kind, job.export)
+    source = request.option("of", PLAIN if format.keeps_times else PLANNED)
     if source not in NAMES:
         raise InvalidInput(f"of must be one of {', '.join(NAMES)}, but is {source!r}.")
-    job = request.job
     (run,) = job.runs
     names = [job.name, run.name, *([CERTIFIED] if source == CERTIFIED else [])]
     stem = "-".join(names)
@@ -163,6 +158,8 @@ def export(request: Request) -> MessageFrame:
         stem = identifier(words if words[:1].isalpha() else f"p {words}", MAX_LETTERS)
     cycle = request.option("cycle", run.cycle) if source == PLANNED else None
     # The motion is planned only if it can be exported.
+    is_plan = source == PLANNED or (source == PLAIN and not run.compensation.compensates)
+    Exporting(format).check_compensation(stem, is_plan)
     check_export(job, kind, stem=stem, cycle=cycle)
     if source == CERTIFIED:
         if not request.plan:
@@ -174,25 +171,16 @@ def export(request: Request) -> MessageFrame:
         plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
         plan = request.set_points
-    format = format_named(kind, job.export).with_motions(plan.trajectory, job.arm, plan.execution)
     request.progress(Step(("writing",)))
+    data = plan.trajectory if source == PLANNED else plan.set_points
+    prepared = Exporting(format).of_run(
+        job, plan, NAMES[source], data, cycle=cycle, origin=request.origin
+    )
     with tempfile.TemporaryDirectory() as folder:
         file = FilePath(folder) / f"{stem}{ENDINGS[kind]}"
-        analog = analog_outputs(plan.path, plan.trajectory, job.process, plan.run.limits)
-        table = make_table(
-            plan.trajectory if source == PLANNED else plan.set_points,
-            name=f"{job.name} {plan.run.name} {NAMES[source]}",
-            origin=request.origin,
-            arm=job.arm,
-            cycle=cycle,
-            derivatives=job.export.derivatives,
-            analog=analog if format.writes_analog else None,
-        )
-        format.check(table)
-        notes = format.describe(table)
-        write_destination(file, lambda path: format.write(table, path))
+        prepared.write(file)
         content = file.read_bytes()
-    switches = dict.fromkeys(x.name for x in table.events if isinstance(x.value, bool))
+    switches = dict.fromkeys(x.name for x in prepared.table.events if isinstance(x.value, bool))
     changes = []
     if format.program is not None:
         missing = [x for x in switches if x not in outputs_of(format)]
@@ -200,7 +188,10 @@ def export(request: Request) -> MessageFrame:
     header = {
         "sentence": f"{len(plan.set_points.q)} set-points.",
         "changes": changes,
-        "warnings": (*plan.warnings, *(f"Format {format.label}: {said}" for said in notes)),
+        "warnings": (
+            *plan.warnings,
+            *(f"Format {format.label}: {said}" for said in prepared.warnings),
+        ),
     }
     return MessageFrame.of_file(file.name, content, header)
 

@@ -1,0 +1,208 @@
+"""The way from a motion to a robot's file, which Python, the commands and the Studio share."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.files.exports.export_table import (
+    REFERENCE,
+    SetPointTable,
+    equals_plan,
+    make_table,
+)
+from armcontour.files.exports.formats import (
+    ExportFormat,
+    check_inputs,
+    check_outputs,
+    format_named,
+    format_of,
+    inputs_of,
+    names_of,
+    outputs_of,
+    table_inputs,
+    write_destination,
+)
+from armcontour.files.trajectory_file import StoredRun
+from armcontour.jobs import Job, RunResult, analog_outputs
+from armcontour.motion import SetPoints, Trajectory
+from armcontour.robot import Arm
+
+# Label of exported set-points; that of the exported plan is REFERENCE.
+SET_POINTS = "set_points"
+# Label of a file with all motions of a run.
+MOTIONS = "motions"
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A table that its format can express, and warnings about its file."""
+
+    format: ExportFormat
+    table: SetPointTable
+    warnings: list[str]
+
+    def write(self, file: FilePath) -> None:
+        """Write a file atomically; if writing fails, an existing file is unchanged."""
+        write_destination(file, self.write_directly)
+
+    def write_directly(self, file: FilePath) -> None:
+        """Write a file without a temporary one."""
+        self.format.write(self.table, file)
+
+
+@dataclass(frozen=True, slots=True)
+class Exporting:
+    """Exports in one format. Nothing is written before everything is checked."""
+
+    format: ExportFormat
+
+    def motions(self, result: RunResult) -> list[tuple[str, SetPoints | Trajectory]]:
+        """Return the motions of a run that the format can express, with their labels."""
+        if self.format.has_all_motions:
+            return [(MOTIONS, result.set_points)]
+        plan = (REFERENCE, result.trajectory)
+        return [plan, (SET_POINTS, result.set_points)] if self.format.keeps_times else [plan]
+
+    def of_run(
+        self,
+        job: Job,
+        result: RunResult,
+        label: str,
+        data: SetPoints | Trajectory,
+        *,
+        cycle: float | None = None,
+        origin: str = "",
+    ) -> Prepared:
+        """Prepare a motion of a run.
+
+        - `label`: Last word of the program's name.
+        - `cycle`: Cycle of a plan [s], by default that of the job's exports.
+        """
+        format = self.format.of_run(job.export, result, data, job.arm)
+        if isinstance(data, Trajectory):
+            requested = None if format.needs_cycle_of_run else job.export.cycle
+            cycle = cycle or requested or result.run.cycle
+        return Exporting(format).of_motion(
+            data,
+            name=f"{job.name} {result.run.name} {label}",
+            origin=origin,
+            cycle=cycle,
+            arm=job.arm,
+            derivatives=job.export.derivatives,
+            analog=analog_outputs(result.path, result.trajectory, job.process, result.run.limits),
+        )
+
+    def of_motion(
+        self,
+        data: SetPoints | Trajectory,
+        *,
+        name: str,
+        arm: Arm | None = None,
+        joint_names: Sequence[str] | None = None,
+        cycle: float | None = None,
+        derivatives: int | None = None,
+        analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
+        origin: str = "",
+    ) -> Prepared:
+        """Prepare a motion; arguments as in `make_table`."""
+        if isinstance(data, SetPoints):
+            self.check_compensation(name, equals_plan(data.q, data.trajectory.with_rests(data.t)))
+        table = make_table(
+            data,
+            name=name,
+            arm=arm,
+            joint_names=joint_names,
+            cycle=cycle,
+            derivatives=derivatives,
+            analog=analog,
+            origin=origin,
+        )
+        return self._of_table(table, repr(name))
+
+    def of_stored(self, run: StoredRun, derivatives: int | None = None) -> Prepared:
+        """Prepare the set-points of a result folder, or its plan if the controller plans."""
+        table = run.set_points(derivatives) if self.format.keeps_times else run.plan(derivatives)
+        return self._of_table(table, f"the run {run.name}", run.analog)
+
+    def _of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
+        """Check a table; `owner` and further outputs `known` for messages."""
+        format = self.format
+        check_outputs(outputs_of(format), {*names_of(table), *known}, option="outputs", owner=owner)
+        check_inputs(inputs_of(format), table_inputs(table), option="inputs", owner=owner)
+        format.check(table)
+        table = format.select(table)
+        return Prepared(format, table, format.describe(table))
+
+    def check_compensation(self, name: str, is_plan: bool) -> None:
+        """Refuse set-points that differ from the plan if the controller plans the motion itself."""
+        if not self.format.keeps_times and not is_plan:
+            raise InvalidInput(
+                f"A program of the format {self.format.label} states points, and its controller "
+                f"plans the motion between them, but {name!r} has compensated or learned "
+                "set-points, which are no points of the path. Export the plan, such as "
+                "ac.export(set_points.trajectory, ...)."
+            )
+
+
+@checked
+def export(
+    data: SetPoints | Trajectory,
+    file: str | FilePath,
+    format: ExportFormat | str | None = None,
+    *,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    cycle: float | None = None,
+) -> None:
+    """Write set-points or a trajectory to a file.
+
+    Times of points and events count from the first set-point. An existing file is replaced. If
+    writing fails, the existing file is unchanged.
+
+    >>> ac.export(set_points, "set_points.csv")
+    >>> ac.export(planned, "plan.csv", arm=arm, cycle=0.01)
+
+    Args:
+        data: Set-points, or a trajectory for a controller that needs no compensation.
+        file: The destination.
+        format: The format by its name, such as "urscript", or with its options, such as
+            URScriptFormat(outputs={"tool": 0}); by default that of the file's extension.
+        arm: The arm, which gives the joint names.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
+
+    Warns:
+        UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
+            an event or set an analog output, because no output is named; or a program has more than
+            10,000 points.
+
+    Raises:
+        InvalidInput: No format has the extension, an output belongs to an unknown event, the format
+            does not wait for inputs or an input is not named, the template has an error, the format
+            does not support the data (a controller that plans the motion itself, as with kuka and
+            abb, needs the trajectory), or the file cannot be written.
+    """
+    destination = FilePath(file)
+    named = format_of(destination) if format is None else format
+    chosen = format_named(named) if isinstance(named, str) else named
+    chosen = chosen.with_motions(data.trajectory if isinstance(data, SetPoints) else data, arm)
+    prepared = Exporting(chosen).of_motion(
+        data,
+        name=destination.stem if chosen.name is None else chosen.name,
+        arm=arm,
+        joint_names=joint_names,
+        cycle=cycle,
+        # Some formats have no such options.
+        derivatives=getattr(chosen, "derivatives", 0),
+        analog=getattr(chosen, "analog", None),
+    )
+    # Warnings come before writing, so that nothing is written if warnings are errors.
+    for sentence in prepared.warnings:
+        warnings.warn(f"Format {chosen.label}: {sentence}", stacklevel=3)
+    prepared.write(destination)
