@@ -77,7 +77,11 @@ Field: TypeAlias = dict[str, Any]
 
 def form_text() -> str:
     """Return the form as JSON text, which the Studio's page reads at its start."""
-    formats = [[x, f"{x} ({ending})", format_named(x).joints] for x, ending in ENDINGS.items()]
+    formats = []
+    for name, ending in ENDINGS.items():
+        format = format_named(name)
+        what = "" if format.keeps_times else ", the plan only"
+        formats.append([name, f"{name} ({ending}){what}", format.joints, format.keeps_times])
     form = {
         "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
         "in_run": [x.name for x in fields(RunModel)],

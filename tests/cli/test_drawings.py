@@ -42,7 +42,9 @@ def table(file, columns=None):
     return np.loadtxt(file, delimiter=",", skiprows=1, usecols=columns)
 
 
-LIST_OF_EVENTS = "{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}\n{% endfor %}"
+LIST_OF_EVENTS = """{% set keeps_times = true %}
+{% for e in events %}{{ e.text }} {{ outputs.get(e.name) }}
+{% endfor %}"""
 
 
 @pytest.fixture

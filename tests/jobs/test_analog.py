@@ -128,7 +128,8 @@ def test_exported_files_have_a_column_per_analog_output(plan, tmp_path):
     columns = [f"analog {x.name}" for x in PROCESS.analog]
     columns_read = pd.read_csv(tmp_path / "a.csv")
     np.testing.assert_allclose(columns_read[columns], expected, rtol=0, atol=0.51e-7)
-    text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
+    text = "{% set keeps_times = true %}"
+    text += "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
     template = TemplateFormat(template=tmp_path / "own.j2", analog=analog)
     ac.export(set_points, tmp_path / "a.txt", template)

@@ -87,7 +87,9 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     format = formats.format_named(kind, chosen)
     if chosen.cycle is not None:
         raise InvalidInput("--cycle applies to run, because set-points have a fixed cycle.")
-    prepared = Exporting(format).of_stored(run, chosen.derivatives)
+    stored = run.set_points if format.keeps_times else run.plan
+    table = stored(derivatives=chosen.derivatives)
+    prepared = Exporting(format).of_table(table, f"the run {run.name}", run.analog)
     table = prepared.table
     refuse_existing(file, options.force)
     prepared.write(file)

@@ -26,6 +26,7 @@ class DegreesFormat(ExportFormat):
         derivatives: Highest derivative; the format has none.
     """
 
+    keeps_times: ClassVar[bool] = True
     kind: ClassVar[str] = "degrees"
     ending: ClassVar[str] = ".deg"
     derivatives: Derivatives | None = None

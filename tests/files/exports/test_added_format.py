@@ -31,7 +31,7 @@ def test_jobs_and_commands_write_the_added_format(facts):
 
 def test_messages_and_form_list_the_added_format(facts):
     assert facts["listed"]
-    assert ["degrees", "degrees (.deg)", None] in facts["form"]
+    assert ["degrees", "degrees (.deg)", None, True] in facts["form"]
 
 
 def test_the_help_of_the_option_lists_all_formats():

@@ -88,10 +88,13 @@ def test_exports_that_can_be_written_are_accepted():
 def test_only_the_syntax_of_a_template_is_checked_because_it_may_refuse_a_trial(tmp_path):
     job = read({})
     template = tmp_path / "house.j2"
-    template.write_text("{% if points|length < 100 %}{{ refuse('too short') }}{% endif %}")
+    states = "{% set keeps_times = false %}"
+    template.write_text(states + "{% if points|length < 100 %}{{ refuse('too short') }}{% endif %}")
     check_export(job, str(template))
     template.write_text("one\n{% if points %}")
     refusals(lambda x: check_export(job, x), [(str(template), "house.j2, line 2")])
+    template.write_text("one")
+    refusals(lambda x: check_export(job, x), [(str(template), "keeps_times = true")])
 
 
 def test_outputs_of_a_job_can_differ_by_format():

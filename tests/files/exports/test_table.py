@@ -341,39 +341,47 @@ def test_exported_bytes_depend_only_on_format_and_data(six, tmp_path):
         assert [x.name for x in first.parent.iterdir()] == [first.name]
 
 
-def test_a_warning_names_events_without_an_output_once(set_points, six, tmp_path):
+@pytest.fixture(scope="module")
+def line_of_six():
+    """A plan of an arm with six joints."""
+    path = ac.Path.line((0.45, -0.05, 0.3), (0.5, -0.05, 0.3)).pointing((0, 0, -1))
+    arm = ac.load_arm("ur5e")
+    return ac.plan(path, arm, arm.limits.replace(speed=0.25))
+
+
+def test_a_warning_names_events_without_an_output_once(set_points, line_of_six, tmp_path):
     kuka = TemplateFormat(template="kuka", outputs={"tool": 17})
     abb = TemplateFormat(template="abb", outputs={"tool": "doTool"})
+    events = set_points(np.zeros((20, 6))).trajectory.events
+    plan = dataclasses.replace(line_of_six, events=events)
     with pytest.warns(UserWarning, match="does not switch gas,"):
-        export(six, tmp_path / "part.src", kuka)
+        export(plan, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
-    q = np.zeros((20, 6))
-    switches = tuple(x for x in set_points(q).trajectory.events if x.name == "tool")
-    points = set_points(q, events=switches)
+    switches = tuple(x for x in events if x.name == "tool")
+    switching = dataclasses.replace(line_of_six, events=switches)
     place = tmp_path / "part.txt"
     bare = (TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, URScriptFormat()):
         with pytest.warns(UserWarning, match="does not switch tool,") as caught:
-            export(points, place, form)
+            export(switching, place, form)
         assert len(caught) == 1 and caught[0].filename == __file__
     # Values that these programs cannot switch.
     with pytest.warns(UserWarning, match="gas, label, because the values are not on or off"):
-        export(set_points(q), place, abb)
+        export(plan, place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        export(points, place, abb)
-        export(points, tmp_path / "part.csv")
+        export(switching, place, abb)
+        export(switching, tmp_path / "part.csv")
 
 
 @pytest.mark.parametrize("ending", [".src", ".script"])
-def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, ending):
-    points = set_points(np.zeros((20, 6)), events=())
+def test_programs_that_do_not_set_an_analog_output_warn(line_of_six, tmp_path, ending):
     form = URScriptFormat() if ending == ".script" else TemplateFormat(template="kuka")
     form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
-        export(points, tmp_path / f"part{ending}", form)
+        export(line_of_six, tmp_path / f"part{ending}", form)
     form = dataclasses.replace(form, outputs={"power": 1})
-    export(points, tmp_path / f"part{ending}", form)
+    export(line_of_six, tmp_path / f"part{ending}", form)
     assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
 
 

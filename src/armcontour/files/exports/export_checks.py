@@ -18,7 +18,7 @@ from armcontour.files.exports.formats import (
     ending_of,
     format_named,
 )
-from armcontour.files.exports.template import BUILT_IN, check_template
+from armcontour.files.exports.template import BUILT_IN, template_keeps_times
 from armcontour.jobs import Job, Run
 from armcontour.motion import TimedEvent, TimedWait
 from armcontour.program import Event, Process
@@ -32,8 +32,8 @@ def check_exports(job: Job) -> None:
     """Check that every run of a job can be exported in its formats, before the job is planned.
 
     A short motion with the arm, the events and the levels of the job is written in each built-in
-    format. Of a template of the user, only the syntax is checked, because it may refuse this
-    motion.
+    format. Of a template of the user, only the syntax and `keeps_times` are checked, because it may
+    refuse this motion.
 
     Raises:
         InvalidInput: A format does not support the arm, the cycle, an output, a wait or the value
@@ -62,7 +62,7 @@ def check_export(job: Job, kind: str, *, stem: str = REFERENCE, cycle: float | N
     check_inputs(job.export.inputs, awaited, option="export.inputs", owner="the job")
     format = format_named(kind, job.export)
     if isinstance(format, TemplateFormat) and kind not in BUILT_IN:
-        check_template(kind)
+        template_keeps_times(kind)
         return
     with tempfile.TemporaryDirectory() as folder, error_context(f"export {kind}"):
         for run in job.runs:

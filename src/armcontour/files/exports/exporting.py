@@ -28,7 +28,6 @@ from armcontour.files.exports.formats import (
     table_inputs,
     write_destination,
 )
-from armcontour.files.trajectory_file import StoredRun
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
@@ -123,15 +122,14 @@ class Exporting:
             analog=analog,
             origin=origin,
         )
-        return self._of_table(table, repr(name))
+        return self.of_table(table, repr(name))
 
-    def of_stored(self, run: StoredRun, derivatives: int | None = None) -> Prepared:
-        """Prepare the set-points of a result folder, or its plan if the controller plans."""
-        table = run.set_points(derivatives) if self.format.keeps_times else run.plan(derivatives)
-        return self._of_table(table, f"the run {run.name}", run.analog)
+    def of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
+        """Prepare a table, which is that of a plan if the controller plans the motion itself.
 
-    def _of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
-        """Check a table; `owner` and further outputs `known` for messages."""
+        - `owner`: What has the events, for messages.
+        - `known`: Names of further outputs, whose values the table does not have.
+        """
         format = self.format
         check_outputs(outputs_of(format), {*names_of(table), *known}, option="outputs", owner=owner)
         check_inputs(inputs_of(format), table_inputs(table), option="inputs", owner=owner)

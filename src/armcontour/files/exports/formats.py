@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path as FilePath
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from armcontour.files.exports.template import (
     describe_rounding,
     ending_of_template,
     program_warnings,
+    template_keeps_times,
     write_template,
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
@@ -59,7 +60,6 @@ URSCRIPT = RobotProgram(
     substitute="messages (textmsg)",
     advice="stream the set-points over RTDE (--export csv)",
     digit=10.0**-POSITION_DECIMALS,
-    keeps_times=True,
 )
 
 
@@ -72,6 +72,9 @@ class ExportFormat(Checked):
             kuka always uses the name of the file.
     """
 
+    # True if the controller executes each point at its time; false if it plans the motion between
+    # the points itself, so that it gets the plan only. Every format states it: there is no default.
+    keeps_times: ClassVar[bool]
     # Name of the format
     kind: ClassVar[str] = ""
     # Extension of its files
@@ -84,15 +87,16 @@ class ExportFormat(Checked):
     has_all_motions: ClassVar[bool] = False
     name: str | None = None
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Refuse a format that does not state whether its controller keeps the times."""
+        super(ExportFormat, cls).__init_subclass__(**options)
+        if not hasattr(cls, "keeps_times"):
+            raise TypeError(f"{cls.__name__} must set keeps_times.")
+
     @property
     def label(self) -> str:
         """Name of the format or of its template, for messages."""
         return self.kind
-
-    @property
-    def keeps_times(self) -> bool:
-        """True if points are commanded at their times; otherwise the controller plans."""
-        return self.program is None or self.program.keeps_times
 
     @property
     def program(self) -> RobotProgram | None:
@@ -203,6 +207,7 @@ class CsvFormat(ExportFormat):
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
 
+    keeps_times: ClassVar[bool] = True
     kind: ClassVar[str] = "csv"
     ending: ClassVar[str] = ".csv"
     derivatives: Derivatives | None = None
@@ -233,6 +238,7 @@ class RosYamlFormat(ExportFormat):
         limits: Limits with which exported accelerations are compared, for a warning.
     """
 
+    keeps_times: ClassVar[bool] = True
     kind: ClassVar[str] = "ros-yaml"
     ending: ClassVar[str] = ".yaml"
     derivatives: Derivatives | None = None
@@ -309,6 +315,7 @@ class URScriptFormat(ExportFormat):
             pendant includes. A program that is sent to the controller needs no call.
     """
 
+    keeps_times: ClassVar[bool] = True
     kind: ClassVar[str] = "urscript"
     ending: ClassVar[str] = ".script"
     joints: ClassVar[int | None] = JOINTS
@@ -354,6 +361,11 @@ class TemplateFormat(ExportFormat):
         return str(self.template)
 
     @property
+    def keeps_times(self) -> bool:  # type: ignore[override]  # the template states it
+        """True if the template states that the controller executes each point at its time."""
+        return template_keeps_times(self.template)
+
+    @property
     def program(self) -> RobotProgram | None:
         """The kind of robot program; None for a template of the user."""
         return PROGRAMS.get(self.label)
@@ -375,6 +387,7 @@ class McapFormat(ExportFormat):
         execution: The simulated motion; by default it is not written.
     """
 
+    keeps_times: ClassVar[bool] = True
     kind: ClassVar[str] = "mcap"
     ending: ClassVar[str] = ".mcap"
     has_all_motions: ClassVar[bool] = True

@@ -37,6 +37,8 @@ LAST_DIGIT = math.radians(1e-6)
 SAME_TIME = 1e-9
 # Maximum length of a message in KRL and RAPID [characters].
 LONGEST_MESSAGE = 80
+# Variable with which a template states whether its controller executes each point at its time.
+KEEPS_TIMES = "keeps_times"
 # Largest number of events that a message lists.
 MAX_NAMES = 4
 
@@ -51,19 +53,12 @@ class RobotProgram:
     substitute: str  # What the program contains instead of an event without an output
     advice: str  # How to shorten a program that is too long
     digit: float  # Value of the last digit of joint positions [rad]
-    keeps_times: bool  # False if the controller plans the motion between points, as with KRL
 
 
 # Programs of the templates of the package by name.
 PROGRAMS = {
     "kuka": RobotProgram(
-        output=17,
-        input=5,
-        analog=1,
-        substitute="comments",
-        advice=LONGER_CYCLE,
-        digit=LAST_DIGIT,
-        keeps_times=False,
+        output=17, input=5, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
     ),
     "abb": RobotProgram(
         output="doTool",
@@ -72,7 +67,6 @@ PROGRAMS = {
         substitute="comments",
         advice=LONGER_CYCLE,
         digit=LAST_DIGIT,
-        keeps_times=False,
     ),
 }
 
@@ -239,17 +233,33 @@ def write_template(
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def check_template(template: str | FilePath) -> None:
-    """Check that a template can be read, and its syntax.
-
-    Raises:
-        InvalidInput: The file does not exist, or its syntax is wrong.
-    """
-    source, text = _read_template(template)
+def _check_syntax(source: str, text: str) -> None:
+    """Raise InvalidInput for a template with wrong syntax."""
     try:
         _environment().from_string(text)
     except Exception as error:  # jinja2 raises errors of several classes.
         raise InvalidInput(f"{_error_line(error, source)}: {_error_text(error)}.") from None
+
+
+def template_keeps_times(template: str | FilePath) -> bool:
+    """Return what a template states about its controller: `{% set keeps_times = true %}`, or false.
+
+    Raises:
+        InvalidInput: The template cannot be read, or does not state it.
+    """
+    from jinja2 import nodes
+
+    source, text = _read_template(template)
+    _check_syntax(source, text)
+    for node in _environment().parse(text).find_all(nodes.Assign):
+        is_statement = isinstance(node.target, nodes.Name) and node.target.name == KEEPS_TIMES
+        if is_statement and isinstance(node.node, nodes.Const):
+            return bool(node.node.value)
+    raise InvalidInput(
+        f"{source} must state whether the controller executes each point at its time. Write "
+        f"{{% set {KEEPS_TIMES} = true %}}, or false if the controller plans the motion between "
+        "the points, as with KRL and RAPID."
+    )
 
 
 def _read_template(template: str | FilePath) -> tuple[str, str]:

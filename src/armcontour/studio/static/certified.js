@@ -11,8 +11,8 @@ import { html, render, signal } from "./vendor/preact.js";
 const shown = signal("");
 /** Title of the export of a certificate's plan. */
 export const CERTIFIED_EXPORT = "Export of the certified plan";
-/** Formats of exports for the arm: key and label. */
-export const formats = signal(/** @type {[string, string][]} */ ([]));
+/** Formats of exports for the arm; a controller that keeps the times executes each point at its time. */
+export const formats = signal(/** @type {{name: string, label: string, keepsTimes: boolean}[]} */ ([]));
 
 /** Buttons that show and export a plan; `brief`: beside the sentence that says that it is shown. @param {{id: string, isOutdated?: boolean, brief?: boolean, link: Link, start: Start}} props */
 export function CertifiedPlan({ id, isOutdated = false, brief = false, link, start }) {
@@ -27,7 +27,7 @@ export function CertifiedPlan({ id, isOutdated = false, brief = false, link, sta
   return html`<form class="certified acts" onSubmit=${exportIt}>
     ${brief ? html`<button type="button" onClick=${show}>Back to the plan of the run</button>` : html`<button type="button" aria-pressed=${String(isShown)} aria-disabled=${String(isOutdated)} title=${why || "Show the plan that is proved, instead of the plan of the run"} onClick=${show}>Show this plan</button>`}
     <button type="submit" aria-disabled=${String(isOutdated)} title=${why || "Export the set-points that are proved"}>Export this plan</button>
-    <label class="field">as <select name="format">${formats.value.map(([key, label]) => html`<option value=${key}>${label}</option>`)}</select></label>
+    <label class="field">as <select name="format">${formats.value.filter((x) => x.keepsTimes).map(({ name, label }) => html`<option value=${name}>${label}</option>`)}</select></label>
   </form>`;
 }
 

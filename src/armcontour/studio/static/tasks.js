@@ -21,7 +21,7 @@ import { html, render, signal, useComputed } from "./vendor/preact.js";
 /** @typedef {{task: string, title: string, what: string, onLogs?: boolean, table?: any, choices?: Choice[], options?: (values: Record<string, any>) => object}} Task */
 /** @typedef {import("./results.js").Result} Result */
 
-/** Formats of exports, with the number of joints that each needs. @type {[string, string, number | null][]} */
+/** Formats of exports, with the number of joints that each needs. @type {[string, string, number | null, boolean][]} */
 let allFormats = [];
 /** Whether the server is connected. */
 const isOpen = signal(false);
@@ -36,10 +36,11 @@ const tasks = () => [
   {
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     choices: [
-      { name: "format", label: "format", choices: formats.value },
+      { name: "format", label: "format", choices: formats.value.map(({ name, label }) => [name, label]) },
       { name: "of", label: "of", choices: [["set_points", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
     ],
-    options: ({ format, of }) => ({ format, of, ...(of === "learned" && logOptions()) }),
+    // A controller that plans the motion between the points gets the plan.
+    options: ({ format, of }) => (formats.value.some((x) => x.name === format && x.keepsTimes) ? { format, of, ...(of === "learned" && logOptions()) } : { format, of: "planned" }),
   },
   { task: "changes", title: "Improve", what: "Finds changes that save time, or that make the run keep its accuracy." },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
@@ -137,7 +138,7 @@ export function init(store, link) {
   });
   const update = () => {
     const joints = store.latest("arm")?.head.joints.length ?? 0;
-    formats.value = allFormats.filter((x) => [null, joints].includes(x[2])).map(([name, label]) => [name, label]);
+    formats.value = allFormats.filter((x) => [null, joints].includes(x[2])).map(([name, label, , keepsTimes]) => ({ name, label, keepsTimes }));
     isOpen.value = link.state.state === "open" && store.document !== null;
     if (!isOpen.value) for (const { id } of results.value) renew(id, { state: "failed", sentence: "The connection was lost, and this work with it." });
   };

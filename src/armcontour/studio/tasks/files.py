@@ -170,7 +170,8 @@ def export(request: Request) -> MessageFrame:
         # The simulation is of other set-points.
         plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
-        plan = request.set_points
+        # Tolerances of a goal are predicted from the simulation.
+        plan = request.result if job.export.tolerances else request.set_points
     request.progress(Step(("writing",)))
     data = plan.trajectory if source == PLANNED else plan.set_points
     prepared = Exporting(format).of_run(
