@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path as FilePath
+from typing import cast
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused
 from armcontour.core.render import number
 from armcontour.core.result import Row
+from armcontour.motion.controller_facts import ControllerFacts, facts_of_player
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
@@ -19,18 +21,17 @@ CYCLE = 1e-3
 DOF = 7
 # Margin that libfranka subtracts from each of its limits: kLimitEps.
 LIMIT_MARGIN = 1e-3
-# Ends of the joint ranges [rad]: franka_description, robots/fr3/joint_limits.yaml.
-LOWER = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
-UPPER = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
-# Limits of libfranka 0.15.0, beyond which it changes or refuses joint positions:
-# include/franka/rate_limiting.h, kMaxJointAcceleration [rad/s²].
-ACCELERATION_LIMIT = 10.0 - LIMIT_MARGIN
-# The same, kMaxJointJerk [rad/s³].
-JERK_LIMIT = 5000.0 - LIMIT_MARGIN
-# The same, computeUpperLimitsJointVelocity and computeLowerLimitsJointVelocity [rad/s, rad]: at q,
-# a joint's velocity limit is `min(SPEED_LIMIT, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET)`; for
-# negative velocities, `q - LOWER_ZERO` replaces `UPPER_ZERO - q`.
-SPEED_LIMIT = np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])
+# Limits of libfranka 0.15.0, less its margin, beyond which it changes or refuses joint positions.
+LIMITS = cast(ControllerFacts, facts_of_player("franka")).limits
+# Ends of the joint ranges [rad].
+LOWER, UPPER = LIMITS.joint_range(DOF)
+SPEED_LIMIT = LIMITS.bounds("joint_velocity", DOF)[1]
+ACCELERATION_LIMIT = LIMITS.bounds("joint_acceleration", DOF)[1]
+JERK_LIMIT = LIMITS.bounds("joint_jerk", DOF)[1]
+# include/franka/rate_limiting.h, computeUpperLimitsJointVelocity and
+# computeLowerLimitsJointVelocity [rad/s, rad]: at q, a joint's velocity limit is
+# `min(SPEED_LIMIT, sqrt(SLOPE (UPPER_ZERO - q)) - OFFSET - LIMIT_MARGIN)`; for negative
+# velocities, `q - LOWER_ZERO` replaces `UPPER_ZERO - q`.
 OFFSET = np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])
 SLOPE = np.array([12.0, 5.17, 7.0, 8.0, 34.0, 11.0, 34.0])
 LOWER_ZERO = np.array([-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196])
@@ -52,9 +53,9 @@ def compare(q: FloatArray) -> dict[str, tuple[FloatArray, FloatArray]]:
     j = np.diff(a, axis=0) / CYCLE
     ahead = v[1:-1] + a[1:] * ACCELERATION_LIMIT / JERK_LIMIT
     room = np.where(ahead >= 0, UPPER_ZERO - q[2:-1], q[2:-1] - LOWER_ZERO)
-    speed = np.minimum(SPEED_LIMIT, np.sqrt(SLOPE * np.maximum(room, 0.0)) - OFFSET)
+    near_end = np.maximum(np.sqrt(SLOPE * np.maximum(room, 0.0)) - OFFSET, 0.0) - LIMIT_MARGIN
     return {
-        "velocity": (np.abs(ahead), np.maximum(speed, 0.0) - LIMIT_MARGIN),
+        "velocity": (np.abs(ahead), np.minimum(SPEED_LIMIT, near_end)),
         "acceleration": (np.abs(a[1:]), np.full_like(j, ACCELERATION_LIMIT)),
         "jerk": (np.abs(j), np.full_like(j, JERK_LIMIT)),
     }
@@ -80,14 +81,14 @@ class Franka(Controller):
         # Stops have the limits of the plan, so these limits are also compared.
         for name, most in (("acceleration", ACCELERATION_LIMIT), ("jerk", JERK_LIMIT)):
             values = np.broadcast_to(or_unlimited(getattr(limits, f"joint_{name}"), DOF), DOF)
-            j = int(np.argmax(values))
-            if values[j] > most:
+            j = int(np.argmax(values - most))
+            if values[j] > most[j]:
                 given = number(values[j], UNITS[name]) if np.isfinite(values[j]) else "unlimited"
                 raise ControllerRefused(
                     f"The limit joint_{name} of joint {j + 1} is {given}, but the FCI allows "
-                    f"{number(most, UNITS[name])}. Reduce joint_{name}.",
+                    f"{number(most[j], UNITS[name])}. Reduce joint_{name}.",
                     joint=j,
-                    allowed=most,
+                    allowed=float(most[j]),
                 )
         return self._compare(q)
 
