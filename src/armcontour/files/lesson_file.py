@@ -22,7 +22,7 @@ from armcontour.robot.servo import ServoModel
 VERSION = 5
 # Fields that are not stored as arrays or plain values: they are computed again from the job and the
 # plan, or are stored separately.
-NOT_STORED = ("trajectory", "runs", "lifted", "servo", "command_limits", "limit_cost")
+NOT_STORED = ("trajectory", "runs", "lifted", "servo", "rule", "limit_cost")
 # Names of a run's arrays: number of the run and name of the field.
 RUN_ARRAY = "run {}: {}"
 # Name of the JSON entry with all values that are not arrays.

@@ -69,7 +69,7 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
         raise InvalidInput(
             f"{file} has other set-points than {has}. {remedy}, or start again with run."
         )
-    return current if lesson is None else replace(lesson, command_limits=current.command_limits)
+    return current if lesson is None else replace(lesson, rule=current.rule)
 
 
 def _has_same_plan(folder: FilePath, job: Job, plan: RunResult) -> bool:

@@ -51,7 +51,7 @@ from armcontour.files.ros_bag import is_bag, read_bag
 from armcontour.files.ros_table import joint_state_titles, name_joints
 from armcontour.motion import Samples, TimedEvent, TimedWait
 from armcontour.motion.log import match_joints, raise_other_joints
-from armcontour.robot import Limits
+from armcontour.motion.set_point_rule import SetPointRule
 
 # Fields of messages and goals that contain the JointTrajectory, directly or nested.
 INNER_FIELDS = ("request", "goal", "trajectory", "joint_trajectory")
@@ -386,7 +386,7 @@ class StoredRun:
     events: tuple[TimedEvent, ...]  # Events, with times since the start of the plan
     analog: tuple[str, ...] = ()  # Names of analog outputs; the folder does not have their values
     plain: bool = False  # Whether the set-points are those of the plan, without compensation
-    limited: bool = False  # Whether the set-points have command limits
+    rule: SetPointRule | None = None  # Limits of the set-points; None if they are unknown
     outputs: Mapping[str, Any] = field(default_factory=dict)  # As `outputs` of `Exports`
     inputs: Mapping[str, Any] = field(default_factory=dict)  # As `inputs` of `Exports`
     waits: tuple[TimedWait, ...] = ()  # Waits for inputs, with times since the start of the plan
@@ -423,7 +423,7 @@ class StoredRun:
             prismatic=tuple(x is True for x in stored.prismatic),
             external=self.external,
             derivatives=derivatives,
-            command_limits=Limits() if self.limited and label != REFERENCE else None,
+            rule=None if label == REFERENCE else self.rule,
         )
 
     def _with_derivatives(self, stored: TrajectoryFile, derivatives: int | None) -> Samples:
@@ -465,7 +465,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             ),
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",
-            limited="command_use" in about,
+            rule=SetPointRule.from_data(rule) if (rule := about.get("set_point_rule")) else None,
             outputs=dict(about.get("outputs", {})),
             inputs=dict(about.get("inputs", {})),
             waits=tuple(TimedWait(**{x: w[x] for x in WAIT_KEYS}) for w in about.get("waits", ())),

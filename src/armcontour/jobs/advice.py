@@ -22,9 +22,8 @@ from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
-from armcontour.motion.execution import find_set_point_excess
 from armcontour.planning.explanation import DWELLS, RAPIDS
-from armcontour.robot.limits import LIMITS, Limits
+from armcontour.robot.limits import LIMITS
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
@@ -373,9 +372,6 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
         if 0 < tolerance < result.tolerance:
             yield [_change_tolerance(job, run, _rounded(tolerance))]
-    if run.compensation.compensates:
-        for candidate in _limited_set_points(job, result):
-            yield [candidate]
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
@@ -399,19 +395,3 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
             )
             for x in slower
         ]
-
-
-def _limited_set_points(job: Job, result: RunResult) -> Iterator[_Candidate]:
-    """Yield a change to set-points within the limit of the plan that they exceed."""
-    excess = find_set_point_excess(result.set_points)
-    if excess is None:
-        return
-    run = result.run
-    values = getattr(result.trajectory.limits_for(None), excess.name)
-    command_limits = (run.compensation.command_limits or Limits()).replace(**{excess.name: values})
-    yield _Candidate(
-        label=f"Limit the set-points by command_limits.{excess.name}",
-        edits=((f"command_limits.{excess.name}", np.asarray(values).tolist()),),
-        job=job,
-        run=replace(run, compensation=replace(run.compensation, command_limits=command_limits)),
-    )

@@ -39,6 +39,11 @@ from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
+from armcontour.motion.controller_facts import (
+    ControllerFacts,
+    facts_of_format,
+    facts_of_player,
+)
 from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
 from armcontour.planning.program_tracing import configuration_of
 from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES
@@ -455,6 +460,8 @@ class Job(Checked):
             nor inputs if the process is off.
         part: Part frame, with which the path is already transformed.
         sources: Files from which the job was read, for reports.
+        player: Controller that plays the job, as in `play --on`, whose limits its set-points keep,
+            too.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -480,7 +487,19 @@ class Job(Checked):
     export: Exports = field(default_factory=Exports)
     part: Frame = field(default_factory=Frame)
     sources: tuple[SourceFile, ...] = ()
+    player: str = ""
     program: Program = field(init=False)
+
+    @property
+    def targets(self) -> tuple[ControllerFacts, ...]:
+        """Known controllers that get the set-points: those of the export formats, and the player.
+
+        A controller that plans the motion itself gets no set-points.
+        """
+        known = [facts_of_format(x) for x in self.export.formats]
+        if self.player:
+            known.append(facts_of_player(self.player))
+        return tuple(x for x in known if x is not None)
 
     def __post_init__(self) -> None:
         """Complete the title and the plant's servo, then check the fields."""

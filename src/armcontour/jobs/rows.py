@@ -419,6 +419,8 @@ def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 
 
 # Set-points and plan.
+# Limits of set-points that the first screen compares with those of the plan, by order.
+SHARES = {1: "joint_velocity", 2: "joint_acceleration"}
 
 
 def _set_points(result: RunRecord) -> Iterator[Row]:
@@ -430,21 +432,44 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
     every = f"every {number(set_points.cycle, 's')}"
     yield Row("set_points", len(set_points.q), "", "set-points", every)
     yield Row("truncated", set_points.truncated, unit_of(result.arm, "rad"))
-    if set_points.command_limits is None:
-        return
     cost = set_points.limit_cost
-    use = set_points.command_use
-    name = max(use, key=lambda x: use[x].max())
-    joint = joint_label(int(use[name].argmax()) + 1, result.arm.joint_names)
-    note = f"joint {joint}, {name.replace('_', ' ')}; " + (
-        "no set-point is changed" if cost is None else f"changed by {cost}"
-    )
-    yield Row("command_use", use, "1")
-    yield Row("command_ratio", use[name].max(), "1", "set-points of the command limit", note)
+    use = result.set_point_use
+    yield from _set_point_shares(result)
+    yield Row("command_use", dict(use.ratios), "1")
+    yield Row("set_point_rule", use.rule.data())
+    yield Row("limited_share", use.limited_share, "1")
     changed = 0.0 if cost is None else cost.deviation
     yield Row("set_point_change", changed, unit_of(result.arm, "rad"))
     yield Row("limit_contour_rms", 0.0 if cost is None else cost.contour_rms, "m")
     yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
+
+
+def _set_point_shares(result: RunRecord) -> Iterator[Row]:
+    """Yield how far set-points use the plan's limits of velocity and acceleration.
+
+    The notes state the limits of the set-points with their sources, and what they cost.
+    """
+    use = result.set_point_use
+    rule = use.rule
+    for order, name in SHARES.items():
+        shares = use.shares.get(name)
+        if shares is None:
+            continue
+        joint = int(shares.argmax())
+        unit = unit_of(result.arm, LIMITS[name].unit, joint)
+        # The smaller of both directions, if they differ.
+        of_plan = np.abs(rule.plan[order, :, joint]).min()
+        allowed = np.abs(rule.bounds[order, :, joint]).min() / of_plan
+        source = rule.sources[order]
+        limit = f"allowed {number(allowed, '1')}, {source}" if np.isfinite(allowed) else "no limit"
+        note = f"of {number(of_plan, unit)}, joint {joint_label(joint + 1, result.arm.joint_names)}"
+        what = name.removeprefix("joint_")
+        label = f"set-point {what}"
+        yield Row(f"set_point_{what}", shares.max(), "1", label, f"{note}; {limit}", FIRST)
+    cost = result.set_points.limit_cost
+    if cost is not None:
+        note = f"of the time; changes a set-point by {cost}"
+        yield Row("limited", use.limited_share, "1", "set-points at a limit", note, FIRST)
 
 
 def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:

@@ -21,7 +21,7 @@ from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING_STEP, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.motion import Execution, SetPoints, Trajectory
+from armcontour.motion import Execution, SetPointRule, SetPoints, Trajectory, make_rule
 from armcontour.program import Program
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
@@ -167,9 +167,24 @@ def _simulate(
 
 
 def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
-    """Compute the set-points of a plan with the compensation of the run."""
+    """Compute the set-points of a plan with the compensation of the run, for all its targets."""
     return unchecked_set_points(
-        trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm
+        trajectory,
+        job.servo,
+        run.compensation,
+        cycle=run.cycle,
+        arm=job.arm,
+        rule=rule_of_run(job, run, trajectory),
+    )
+
+
+def rule_of_run(job: Job, run: Run, trajectory: Trajectory) -> SetPointRule:
+    """Return the limits of a run's set-points: of the plan, the user and all target controllers."""
+    return make_rule(
+        trajectory.limits_for(None),
+        trajectory.dof,
+        command_limits=run.compensation.command_limits,
+        controllers=job.targets,
     )
 
 

@@ -17,7 +17,6 @@ from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.run_job import run
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.execution import describe_excess
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 
@@ -80,9 +79,9 @@ class LearnedRun:
     def notes(self) -> list[str]:
         """Notes about the next step and about the findings from the runs."""
         notes = [self._verdict, *self.lesson.runs[-1].notes]
-        if describe_excess(self.plan.set_points):
+        if self.plan.set_point_use.excesses:
             notes.append(
-                "The set-points before learning already exceed joint limits, so the learned "
+                "The set-points before learning already exceed limits, so the learned "
                 "set-points can also exceed these limits."
             )
         return notes

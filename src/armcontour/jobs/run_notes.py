@@ -17,8 +17,9 @@ from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import JerkStop
 from armcontour.jobs.rows import shaping_rows
 from armcontour.jobs.run_record import RunRecord
-from armcontour.motion import Execution, SetPoints, Trajectory
+from armcontour.motion import Execution, Trajectory
 from armcontour.motion.execution import describe_excess
+from armcontour.motion.set_point_rule import ACCELERATION
 from armcontour.planning.tracing.two_axis_head import HEAD_TOLERANCE, has_head_tolerance, head_of
 from armcontour.program import Program, contour_called
 from armcontour.robot import SerialArm, compare_limits
@@ -34,6 +35,8 @@ MAX_NAMES = 4
 SAME_VALUE = 1e-9
 # Ratio of the demand to the acceleration limit above which saturation of a joint is reported.
 REPORTED_DEMAND_RATIO = 1.5
+# Share of the allowed contour error above which the cost of limited set-points is reported.
+COSTLY_SHARE = 0.25
 # Ratio of the cycle to the duration above which the cycle is reported as too coarse.
 COARSE_CYCLE_SHARE = 0.1
 # A plan is compared with the motion in logs at this number of times, and at its breaks.
@@ -67,7 +70,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
             "for milliseconds, write cycle: 4 ms."
         )
     if result.set_points is not None:
-        yield from _warn_of_set_points(result.set_points, result.servo)
+        yield from _warn_of_set_points(result)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
         if run.compensation.compensates:
@@ -92,8 +95,6 @@ def remarks(result: RunRecord) -> Iterator[str]:
         )
     yield from result.path.remarks
     yield from (x.sentence for x in result.weaves if not x.differs)
-    if result.set_points is not None and (used := result.set_points.command_note):
-        yield f"set-points / command limits: {used}."
     yield from _describe_shaping(result)
     yield from _describe_head(result)
     # Stops due to jerk limits are reported by a warning.
@@ -297,8 +298,10 @@ def _collisions(result: RunRecord) -> Iterator[str | None]:
     yield planned.below_base
 
 
-def _warn_of_set_points(set_points: SetPoints, servo: ServoModel | None) -> Iterator[str]:
-    """Yield warnings if set-points are truncated, changed, or beyond limits of the plan."""
+def _warn_of_set_points(result: RunRecord) -> Iterator[str]:
+    """Yield warnings if set-points are truncated, changed much, or beyond their limits."""
+    set_points = result.set_points
+    servo = result.servo
     if set_points.truncated is not None and set_points.truncated.max() >= MIN_JOINT_ERROR:
         j = int(np.argmax(set_points.truncated))
         unit = unit_of(set_points.trajectory.arm, "rad", j)
@@ -309,12 +312,22 @@ def _warn_of_set_points(set_points: SetPoints, servo: ServoModel | None) -> Iter
             f"truncated. This adds up to {number(set_points.truncated[j], unit)} to the error of "
             f"joint {j + 1} after the end of the plan."
         )
-    if (
-        set_points.limit_cost is not None
-        and set_points.limit_cost.deviation.max() >= MIN_JOINT_ERROR
-    ):
-        yield f"command_limits change the set-points by {set_points.limit_cost}."
-    yield describe_excess(set_points)
+    cost = set_points.limit_cost
+    allowed = result.verdict.allowed
+    if cost is not None and cost.contour_max is not None and allowed is not None:
+        if cost.contour_max > COSTLY_SHARE * allowed:
+            yield (
+                f"the limits of the set-points cost a contour error of up to "
+                f"{number(cost.contour_max, 'm')}, which is much of the allowed "
+                f"{number(allowed, 'm')}. They change the set-points by {cost}."
+            )
+    for excess in result.set_point_use.excesses:
+        yield describe_excess(excess, set_points)
+    if not result.set_point_use.rule.sources[ACCELERATION]:
+        yield (
+            f"no acceleration limit of {result.arm.name} is known, so that the accelerations of "
+            "the set-points are not limited. Specify limits.joint_acceleration."
+        )
 
 
 def _unsettled(executed: Execution) -> str:

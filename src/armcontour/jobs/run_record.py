@@ -34,7 +34,7 @@ from armcontour.jobs.verdict import (
     judging,
 )
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
-from armcontour.motion.execution import find_set_point_excess
+from armcontour.motion.set_point_rule import SetPointUse
 from armcontour.planning import Explanation, Tracing
 from armcontour.program import Program
 from armcontour.robot import Arm
@@ -208,14 +208,20 @@ class RunRecord:
         """Limits that the set-points or the simulated robot violate, as clauses."""
         found = list[str]()
         if self.set_points is not None:
-            excess = find_set_point_excess(self.set_points)
-            if excess is not None:
-                label = joint_label(excess.joint + 1, self.arm.joint_names)
-                found.append(f"set-points of joint {label} exceed its limit {excess.name}")
+            for excess in self.set_point_use.excesses:
+                if not excess.is_assumed:
+                    label = joint_label(excess.joint + 1, self.arm.joint_names)
+                    times = "" if excess.is_range else f" {excess.ratio:.3g} times"
+                    found.append(f"set-points of joint {label} exceed {excess.limit}{times}")
         executed = self.executed_clearance
         if executed is not None and not executed.satisfied:
             found.append(f"in the execution, {executed.too_near[0].bodies} come too near")
         return tuple(found)
+
+    @cached_property
+    def set_point_use(self) -> SetPointUse:
+        """How far the set-points use their limits."""
+        return self.set_points.use
 
     @property
     def deviations(self) -> list[Deviation]:

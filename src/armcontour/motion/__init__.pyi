@@ -2,13 +2,13 @@ from armcontour.core.quintics import quintic as quintic
 from armcontour.motion.controller_laws import CONTROLLERS as CONTROLLERS
 from armcontour.motion.controller_laws import CommandCurve as CommandCurve
 from armcontour.motion.controller_laws import interpolate_points as interpolate_points
+from armcontour.motion.cycle import LONGEST_CLOCK as LONGEST_CLOCK
+from armcontour.motion.cycle import check_cycle as check_cycle
 from armcontour.motion.derivative_bounds import largest_shares as largest_shares
 from armcontour.motion.execution import Execution as Execution
 from armcontour.motion.execution import FineMotion as FineMotion
-from armcontour.motion.execution import LONGEST_CLOCK as LONGEST_CLOCK
 from armcontour.motion.execution import LimitCost as LimitCost
 from armcontour.motion.execution import SetPoints as SetPoints
-from armcontour.motion.execution import check_cycle as check_cycle
 from armcontour.motion.joint_path import JointPath as JointPath
 from armcontour.motion.kernels import interval_times as interval_times
 from armcontour.motion.laws import LapLaw as LapLaw
@@ -18,6 +18,8 @@ from armcontour.motion.laws import PathLaw as PathLaw
 from armcontour.motion.laws import Rates as Rates
 from armcontour.motion.laws import dwell_law as dwell_law
 from armcontour.motion.log import Log as Log
+from armcontour.motion.set_point_rule import SetPointRule as SetPointRule
+from armcontour.motion.set_point_rule import make_rule as make_rule
 from armcontour.motion.trajectory import DEFAULT_CYCLE as DEFAULT_CYCLE
 from armcontour.motion.trajectory import LawPhase as LawPhase
 from armcontour.motion.trajectory import Method as Method

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Choice, Frequency
 from armcontour.core.quintics import evaluate, quintic, solve_banded
-from armcontour.motion.execution import check_cycle
+from armcontour.motion.cycle import check_cycle
 from armcontour.motion.laws import Law
 from armcontour.motion.trajectory import Trajectory
 

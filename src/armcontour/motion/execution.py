@@ -7,7 +7,6 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
@@ -16,10 +15,12 @@ from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
 from armcontour.core.text import short_repr
-from armcontour.motion.nearest_commands import Excess, find_range_or_speed_excess
+from armcontour.motion.cycle import check_cycle
+from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule, SetPointUse, make_rule
 from armcontour.motion.trajectory import Trajectory
-from armcontour.robot import Arm, Limits
+from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
+from armcontour.robot.limits import LIMITS
 
 # Largest distance between the end of a plant's motion and the next sample [rad].
 SAME_END_POSITION = 1e-9
@@ -28,17 +29,12 @@ WHOLE_STEPS = 1e-3
 # The start of the plan coincides with a set-point if their times differ by less than this fraction
 # of a cycle.
 WHOLE_CYCLES = 1e-9
-# Smallest and largest cycle [s]. Shorter cycles approach rounding errors of times; longer cycles do
-# not determine the motion between set-points.
-INTERVALS = (1e-6, 1.0)
 # Time between samples of an execution made from a plan [s]; longer for a plan of many samples.
 PLANNED_STEP = 1e-3
 # Largest number of samples in an execution made from a plan.
 MAX_PLANNED_SAMPLES = 20_000
 # A demand above the achieved value by more than this fraction means that a joint is saturated.
 SATURATION_DIFFERENCE = 1e-9
-# Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
-LONGEST_CLOCK = 0.1
 
 
 class MotionSource(Protocol):
@@ -254,22 +250,6 @@ class FineMotion:
         return cls(t=t[i], q=q[i], before=velocities, after=velocities, ddq=accelerations)
 
 
-def check_cycle(cycle: float) -> float:
-    """Return the cycle [s] if it is within INTERVALS; otherwise raise InvalidInput."""
-    interval = checks.check_number("cycle", cycle, "s")
-    # Such a number may be in milliseconds.
-    if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
-        raise InvalidInput(
-            f"cycle is {interval:g} s, but must be at most {INTERVALS[1]:g} s. A number without a "
-            f"unit is in s. For {interval:g} ms, specify {interval:g} ms in a job, or "
-            f"{interval / 1e3:g} in Python.",
-            needed=interval,
-            allowed=INTERVALS[1],
-            key=("cycle",),
-        )
-    return checks.check_range("cycle", interval, *INTERVALS, "s")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitCost(Frozen):
     """Cost of command limits: the changes of the set-points that the limits require.
@@ -313,7 +293,8 @@ class SetPoints(Checked):
             set-points with a time advance start before.
         truncated: Bound of each joint's error after the planned motion because the transient of its
             set-points is cut off [rad], (dof,); None if it is complete.
-        command_limits: Limits of the set-points, as in `compensate`; None without limits.
+        rule: Limits of the set-points, with which they were computed; by default those of the plan
+            and the assumed ones, with which they are judged.
         limit_cost: Cost of these limits; None if they change no set-point.
 
     Raises:
@@ -327,8 +308,15 @@ class SetPoints(Checked):
     method: str
     start_time: Time = 0.0
     truncated: FloatArray | None = None
-    command_limits: Limits | None = None
+    rule: SetPointRule = None  # type: ignore[assignment]
     limit_cost: LimitCost | None = None
+
+    def __post_init__(self) -> None:
+        """Complete the rule, then check the fields."""
+        Checked.__post_init__(self)
+        if self.rule is None:
+            rule = make_rule(self.trajectory.limits_for(None), self.q.shape[1])
+            object.__setattr__(self, "rule", rule)
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)
@@ -343,22 +331,9 @@ class SetPoints(Checked):
     __repr__ = short_repr
 
     @property
-    def command_use(self) -> dict[str, FloatArray]:
-        """Largest ratio of the set-points to each command limit, per joint, (dof,) each.
-
-        Velocities, accelerations and jerks are differences of the set-points over the cycle, as
-        controllers check them. Empty without command limits.
-        """
-        from armcontour.motion.nearest_commands import command_use
-
-        if self.command_limits is None:
-            return {}
-        return command_use(self.q, self.cycle, self.command_limits)
-
-    @property
-    def command_note(self) -> str:
-        """The largest values of `command_use`, as text; empty without command limits."""
-        return ", ".join(f"{name} {use.max():.4f}" for name, use in self.command_use.items())
+    def use(self) -> SetPointUse:
+        """How far the set-points use their limits, as a controller would judge them."""
+        return self.rule.judge(self.q, self.cycle)
 
     def __len__(self) -> int:
         """Return the number of set-points."""
@@ -385,63 +360,28 @@ class SetPoints(Checked):
         return self.start_time + indices * step
 
 
-def check_set_points(set_points: SetPoints, limits: Limits | None = None) -> None:
-    """Raise CompensationError for set-points outside a joint range or faster than a limit.
-
-    A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
-    that the plan satisfies. A controller that checks its set-points would then stop.
-
-    Args:
-        set_points: The set-points.
-        limits: Limits that replace the plan's limits; by default the set-points' command limits.
+def check_set_points(set_points: SetPoints) -> None:
+    """Raise CompensationError for set-points beyond a limit that is not only assumed.
 
     Raises:
-        CompensationError: A set-point is outside a joint range or too fast.
+        CompensationError: A set-point, or a difference of set-points, is beyond a limit of the
+            plan, the user or a controller.
     """
-    found = find_set_point_excess(set_points, limits)
-    if found is None:
+    excess = set_points.use.stated_excess
+    if excess is None:
         return
-    joint = found.joint + 1
-    t = float(set_points.t[found.row])
-    unit = unit_of(set_points.trajectory.arm, "rad/s" if found.order else "rad", found.joint)
-    if found.order:
-        sentence = (
-            f"The set-points of joint {joint} move at {found.needed:.6g} {unit} from t = {t:.6g} s "
-            f"on, above its joint_velocity of {found.allowed:.6g} {unit}. Compensate with "
-            "command_limits that have this joint_velocity, or plan a slower motion."
-        )
-    else:
-        sentence = (
-            f"The set-point of joint {joint} at t = {t:.6g} s is {found.needed:.6g} {unit}, beyond "
-            f"its {found.name} of {found.allowed:.6g} {unit}. Compensate with command_limits that "
-            f"have this {found.name}, or plan a motion that is slower there, or farther from this "
-            "limit."
-        )
     raise CompensationError(
-        sentence,
-        t=t,
-        joint=found.joint,
-        limit=found.name,
-        needed=found.needed,
-        allowed=found.allowed,
+        describe_excess(excess, set_points),
+        t=float(set_points.t[0]) + excess.t,
+        joint=excess.joint,
+        limit=excess.limit,
+        needed=excess.needed,
+        allowed=excess.allowed,
     )
 
 
-def find_set_point_excess(set_points: SetPoints, limits: Limits | None = None) -> Excess | None:
-    """Find where set-points are most outside a joint range, or else too fast; see above.
-
-    The arguments are those of `check_set_points`.
-    """
-    specified = set_points.command_limits if limits is None else limits
-    return find_range_or_speed_excess(
-        set_points.q, set_points.cycle, set_points.trajectory.limits_for(specified)
-    )
-
-
-def describe_excess(set_points: SetPoints) -> str:
-    """Return the message of `check_set_points(set_points)`; empty without an excess."""
-    try:
-        check_set_points(set_points)
-    except CompensationError as error:
-        return str(error)
-    return ""
+def describe_excess(excess: SetPointExcess, set_points: SetPoints) -> str:
+    """Write which set-points exceed which limit, whose limit it is, and what to do."""
+    unit = unit_of(set_points.trajectory.arm, LIMITS[excess.limit].unit, excess.joint)
+    found = excess.describe(f"joint {excess.joint + 1}", unit, float(set_points.t[0]))
+    return f"The {found}. {excess.remedy}"

@@ -13,7 +13,6 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import differences
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Limits
-from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import JOINT_RANGE, UNITS
 
 # Limits of commands by the order of the differences that they bound. Order 0 has two limits, the
@@ -58,20 +57,6 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
 def command_bounds(limits: Limits, dof: int) -> FloatArray:
     """Return lower and upper bounds of set-points and of their derivatives 1 to 3, (4, 2, dof)."""
     return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
-
-
-def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Return the largest ratio to each limit, {name of `BY_ORDER`: ratio per joint, (dof,)}.
-
-    - `q`: set-points [rad], (n, dof), constant before and after.
-    - `cycle`: cycle [s].
-    """
-    use = {}
-    for order, name in enumerate(BY_ORDER):
-        if name and getattr(limits, name) is not None:
-            derivative = differences(q, order) / cycle**order
-            use[name] = use_of(name, limits, derivative).largest
-    return use
 
 
 class Excess(NamedTuple):
@@ -138,16 +123,6 @@ def _excess_over_bounds(
     low_unit = np.where(np.isfinite(low) & relative, np.abs(low), 1.0)
     high_unit = np.where(np.isfinite(high) & relative, np.abs(high), 1.0)
     return np.asarray(np.maximum((values - high) / high_unit, (low - values) / low_unit))
-
-
-def find_range_or_speed_excess(q: FloatArray, cycle: float, limits: Limits) -> Excess | None:
-    """Find the largest excess of set-points over the joint ranges, or else over the velocities.
-
-    - `q`: set-points [rad], (n, dof).
-    - `cycle`: cycle [s].
-    """
-    bounds = command_bounds(limits, q.shape[1])[:2]
-    return find_excess(q, cycle, bounds[:1]) or find_excess(q, cycle, bounds)
 
 
 def nearest_commands(

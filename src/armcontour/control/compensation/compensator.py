@@ -15,8 +15,9 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
-from armcontour.motion.execution import check_set_points, describe_excess
-from armcontour.robot import Arm, Limits
+from armcontour.motion.execution import describe_excess
+from armcontour.motion.set_point_rule import SetPointRule, make_rule
+from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 
 # Relative tolerance of durations, which have rounding errors because they are sums.
@@ -31,9 +32,12 @@ def compensate(
     *,
     cycle: float = DEFAULT_CYCLE,
     arm: Arm | None = None,
-    limits: Limits | None = None,
 ) -> SetPoints:
     """Compute set-points with which the servos follow a trajectory.
+
+    Set-points that compensate are the nearest ones within their limits: the ranges and velocities
+    of the plan, `options.command_limits`, and without another limit 3 times the joint acceleration
+    of the plan. Set-points of other methods are only compared with these limits.
 
     The time advance of the set-points is the dead time of the servo, plus half a cycle for
     interpolation "step". With a time advance, set-points begin before time 0, at the start of the
@@ -55,28 +59,22 @@ def compensate(
             `NoCompensation`.
         cycle: Cycle [s].
         arm: The nominal arm with masses, for `InverseDynamics`; other methods ignore it.
-        limits: Limits of the controller instead of the limits of the plan. Set-points must be
-            within joint_lower and joint_upper, and must not move faster than joint_velocity.
-            Without `limits`, a warning is given if set-points exceed the command limits or the
-            limits of the plan.
 
     Raises:
         InvalidInput: An argument has the wrong type, the gains do not fit the joints or the cycle,
             the cycle is longer than the motion, the set-points are too many, `InverseDynamics` has
             no arm with masses, or `InverseDynamics` or `PolePlacement` has a servo with an order
             other than "second", an integrator, friction or a drive cycle.
-        CompensationError: Poles are not stable, set-points exceed the given limits, or the plan
-            exceeds the velocity or acceleration of the command limits by more than 1 %.
+        CompensationError: Poles are not stable, or the plan exceeds the velocity or acceleration of
+            the command limits by more than 1 %.
 
     Warns:
-        UserWarning: No limits are given and set-points exceed the limits of the plan, or
-            compensation with this servo may be worse than none (`ServoModel.doubt`).
+        UserWarning: Set-points exceed a limit, or compensation with this servo may be worse than
+            none (`ServoModel.doubt`).
     """
     set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
-    if limits is not None:
-        check_set_points(set_points, limits)
-    elif excess := describe_excess(set_points):
-        warnings.warn(excess, stacklevel=3)
+    for excess in set_points.use.excesses:
+        warnings.warn(describe_excess(excess, set_points), stacklevel=3)
     if options.compensates and servo.doubt:
         warnings.warn(servo.doubt, stacklevel=3)
     return set_points
@@ -89,8 +87,12 @@ def unchecked_set_points(
     *,
     cycle: float,
     arm: Arm | None,
+    rule: SetPointRule | None = None,
 ) -> SetPoints:
-    """Compute set-points as `compensate`, without its check of limits."""
+    """Compute set-points as `compensate`, without its check of limits.
+
+    - `rule`: limits of the set-points; by default those of the plan and the options.
+    """
     interval = check_cycle(cycle)
     model = servo.for_joints(trajectory.dof)
     duration = trajectory.duration
@@ -109,6 +111,10 @@ def unchecked_set_points(
         count * trajectory.dof,
         "Use a longer cycle or a higher speed",
     )
+    if rule is None:
+        rule = make_rule(
+            trajectory.limits_for(None), trajectory.dof, command_limits=options.command_limits
+        )
     start, q = options.set_points(trajectory, model, interval, arm)
     truncated = None
     if options.compensates and has_transient(model):
@@ -120,12 +126,13 @@ def unchecked_set_points(
         method=options.method,
         start_time=start,
         truncated=truncated,
+        rule=rule,
     )
-    if options.command_limits is None:
+    if not options.compensates:
         return set_points
     from armcontour.control.compensation.nearest_set_points import limit_set_points
 
-    return limit_set_points(set_points, model, options.command_limits, arm)
+    return limit_set_points(set_points, model, arm)
 
 
 def set_point_count(

@@ -19,10 +19,13 @@ class CompensationOptions(Options):
     Args:
         command_limits: Limits of the set-points, which controllers check by differences over the
             cycle: joint_velocity [rad/s], joint_acceleration [rad/s²], joint_jerk [rad/s³],
-            joint_lower and joint_upper [rad], each one value or one per joint. If set-points of a
-            joint exceed a limit, they are replaced by the nearest ones within the limits (least
-            squares), which are at rest at both ends of the plan and begin earlier and end later by
-            up to 1 s. `SetPoints.limit_cost` is the error that this causes.
+            joint_lower and joint_upper [rad], each one value or one per joint. Of these and the
+            velocities and ranges of the plan, the smaller count. Without a joint_acceleration, 3
+            times that of the plan is assumed; infinity removes it. If set-points of a joint exceed
+            a limit, they are replaced by the nearest ones within the limits (least squares), which
+            are at rest at both ends of the plan and begin earlier and end later by up to 1 s.
+            `SetPoints.limit_cost` is the error that this causes. Methods that do not compensate
+            change no set-point.
     """
 
     method: ClassVar[str]

@@ -10,13 +10,9 @@ from armcontour.control.compensation.set_point_times import LONGEST_TAIL
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints
-from armcontour.motion.nearest_commands import (
-    check_command_limits,
-    command_bounds,
-    find_excess,
-    nearest_commands,
-)
-from armcontour.robot import Arm, Limits
+from armcontour.motion.nearest_commands import find_excess, nearest_commands
+from armcontour.motion.set_point_rule import USER
+from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
@@ -34,20 +30,33 @@ SMOOTHED_SHARE = 0.01
 UNLIMITED = np.array([[-np.inf], [np.inf]])
 
 
-def limit_set_points(
-    set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
-) -> SetPoints:
-    """Replace set-points by the nearest ones within command limits.
+def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None = None) -> SetPoints:
+    """Replace set-points by the nearest ones within their rule.
+
+    If nobody states the limits, and the plan itself exceeds them, the set-points stay as they are.
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
+
+    Raises:
+        CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
+            set-points satisfy it.
     """
+    try:
+        return _limit(set_points, servo, arm)
+    except CompensationError:
+        if set_points.rule.is_stated:
+            raise
+        return set_points
+
+
+def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoints:
+    """Replace set-points by the nearest ones within their rule; see `limit_set_points`."""
     dof = set_points.q.shape[1]
     cycle = set_points.cycle
-    limits = check_command_limits(limits, dof)
-    bounds = command_bounds(limits, dof)
+    bounds = set_points.rule.at_cycle(cycle)
     if find_excess(set_points.q, cycle, bounds) is None:
-        return replace(set_points, command_limits=limits)
+        return set_points
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
     # If a limit is active, set-points begin earlier and end later, because a compensated command
     # accelerates and decelerates faster than its joint. If the short extension is not sufficient,
@@ -65,17 +74,12 @@ def limit_set_points(
         assert joint is not None
         _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
-            f"No set-points of joint {joint + 1} satisfy command_limits and reach the ends of the "
-            f"plan, even with {LONGEST_TAIL:g} s more before and after the plan. Increase "
-            "command_limits, or plan a slower motion.",
+            f"No set-points of joint {joint + 1} satisfy their limits "
+            f"({', '.join(filter(None, set_points.rule.sources))}) and reach the ends of the plan, "
+            f"even with {LONGEST_TAIL:g} s more before and after the plan. Plan a slower motion.",
             joint=joint,
         )
-    longer = replace(
-        set_points,
-        q=nearest,
-        start_time=set_points.start_time - extra * cycle,
-        command_limits=limits,
-    )
+    longer = replace(set_points, q=nearest, start_time=set_points.start_time - extra * cycle)
     return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
 
 
@@ -98,10 +102,12 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     unit = unit_of(plan.arm, LIMITS[name].unit, joint)
     time = float(t[excess.row])
     limit = f"{excess.allowed:.6g} {unit}"
+    source = set_points.rule.sources[excess.order]
+    increase = ", or increase the command limit" if source == USER else ""
     raise CompensationError(
-        f"The plan must stay within command_limits.{name} of {limit}, but joint {joint + 1} has "
-        f"{excess.needed:.6g} {unit} at t = {time:.6g} s. Set-points within the limit would leave "
-        f"the path. Plan with limits.{name} of {limit}, or increase the command limit.",
+        f"The plan must stay within the limit {name} of its set-points, {limit} ({source}), but "
+        f"joint {joint + 1} has {excess.needed:.6g} {unit} at t = {time:.6g} s. Set-points within "
+        f"the limit would leave the path. Plan with limits.{name} of {limit}{increase}.",
         t=time,
         joint=joint,
         limit=name,

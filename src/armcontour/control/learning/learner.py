@@ -31,10 +31,10 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import shared_unit
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.execution import check_set_points, describe_excess
 from armcontour.motion.log import INTERPOLATIONS
-from armcontour.motion.nearest_commands import command_bounds, find_excess, nearest_commands
-from armcontour.robot import Arm, Limits
+from armcontour.motion.nearest_commands import BY_ORDER, find_excess, nearest_commands
+from armcontour.motion.set_point_rule import NO_BOUND
+from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_DEAD_TIME
 
@@ -185,7 +185,6 @@ def learn(
     *,
     arm: Arm,
     servo: ServoModel,
-    limits: Limits | None = None,
     gravity_feedforward: bool = True,
 ) -> LearningResult:
     """Compute set-points for the next run from the set-points of the last run and their log.
@@ -208,13 +207,10 @@ def learn(
             that of rigid bodies with drives or of independent servos, whichever the first log
             supports.
         servo: The nominal servo, whose response is used.
-        limits: Limits of the controller, as in `compensate`; by default the limits of the plan,
-            unless the set-points of the last run exceed them.
         gravity_feedforward: True if the controller adds the torque against gravity.
 
     Raises:
         InvalidInput: The log does not belong to these set-points or is not suitable for learning.
-        CompensationError: The set-points of the last run exceed the limits.
     """
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs:
@@ -228,7 +224,7 @@ def learn(
         new = tuple(replace(x, notes=(*x.notes, chosen.note)) for x in new)
     for recording, run in zip(recordings, new, strict=True):
         log_alignment.require_same_set_points(recording, run, set_points)
-    return _learn_next(set_points, chosen, new, limits)
+    return _learn_next(set_points, chosen, new)
 
 
 class Chosen(NamedTuple):
@@ -392,12 +388,11 @@ def _describe_creep(source: str, creeps: BoolArray) -> list[str]:
 
 
 def _learn_next(
-    set_points: SetPoints, chosen: Chosen, new: tuple[LearningRun, ...], limits: Limits | None
+    set_points: SetPoints, chosen: Chosen, new: tuple[LearningRun, ...]
 ) -> LearningResult:
     """Learn from the new runs and from the earlier runs of the set-points.
 
     - `new`: runs with `set_points` that have just been measured.
-    - `limits`: limits of the controller; None for those of the plan.
     """
     lifted = chosen.lifted
     previous = set_points if isinstance(set_points, LearningResult) else None
@@ -408,22 +403,11 @@ def _learn_next(
     smallest_before = min((x.rms for x in earlier), default=np.inf)
     was_finished = previous is not None and previous.finished
     setbacks += min(x.rms for x in new) * USEFUL_FACTOR > smallest_before and not was_finished
-    command_limits = set_points.command_limits
-    applied = set_points.trajectory.limits_for(command_limits if limits is None else limits)
-    if limits is None and describe_excess(set_points):
-        # The joint limits of the plan do not apply if the set-points already exceed them.
-        applied = applied.of_tool
-    check_set_points(replace(set_points, q=best.q), applied)
-    # Set-points may accelerate faster than those of the first run, by ACCELERATION_FACTOR.
-    first_run = np.abs(differences(runs[0].q, 2)).max(axis=0) / set_points.cycle**2
-    acceleration = ACCELERATION_FACTOR * np.maximum(first_run, RESTING_SHARE * first_run.max())
-    if applied.joint_acceleration is not None:
-        limit = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
-        acceleration = np.maximum(limit, acceleration)
+    bounds = _bounds_of_step(set_points, runs[0].q)
     change = estimate.steps * (estimate.q - best.q)
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
-        q, reason = _keep_limits(set_points, requested, best.q, applied, acceleration)
+        q, reason = _keep_limits(requested, best.q, set_points.cycle, bounds)
         predicted = lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms
         if useful := predicted * USEFUL_FACTOR < estimate.repeats:
             break
@@ -433,7 +417,7 @@ def _learn_next(
         end += f", because {reason}" if reason else ""
     return LearningResult(
         cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
-        method="learning", start_time=set_points.start_time, command_limits=command_limits,
+        method="learning", start_time=set_points.start_time, rule=set_points.rule,
         servo=lifted.nominal.servo, lifted=lifted, runs=runs, best=estimate.best,
         repeats=estimate.repeats, noise=estimate.noise, setbacks=setbacks, finished=bool(end),
         reason=end or reason, model=chosen.model,
@@ -514,37 +498,44 @@ def _describe_contradiction(
     )
 
 
+def _bounds_of_step(set_points: SetPoints, first_run: FloatArray) -> FloatArray:
+    """Return the bounds of the next set-points and of their derivatives, (4, 2, dof).
+
+    They are those of the set-points, except limits that the set-points already exceed. Besides,
+    set-points may not accelerate faster than the plan's limit, or than ACCELERATION_FACTOR times
+    those of the first run.
+
+    - `first_run`: set-points of the first run [rad], (n, dof).
+    """
+    rule = set_points.rule
+    bounds = rule.at_cycle(set_points.cycle).copy()
+    for excess in set_points.use.excesses:
+        bounds[BY_ORDER.index("" if excess.is_range else excess.limit)] = NO_BOUND
+    executed = np.abs(differences(first_run, 2)).max(axis=0) / set_points.cycle**2
+    acceleration = ACCELERATION_FACTOR * np.maximum(executed, RESTING_SHARE * executed.max())
+    limit = np.abs(rule.plan[2]).min(axis=0)
+    acceleration = np.where(np.isfinite(limit), np.maximum(limit, acceleration), acceleration)
+    bounds[2, 0] = np.maximum(bounds[2, 0], -acceleration)
+    bounds[2, 1] = np.minimum(bounds[2, 1], acceleration)
+    return bounds
+
+
 def _keep_limits(
-    set_points: SetPoints,
-    requested: FloatArray,
-    best: FloatArray,
-    limits: Limits,
-    acceleration: FloatArray,
+    requested: FloatArray, best: FloatArray, cycle: float, bounds: FloatArray
 ) -> tuple[FloatArray, str]:
-    """Return the nearest set-points within the limits, (n, dof), and a clause on the active limit.
+    """Return the nearest set-points within bounds, (n, dof), and a clause on the active limit.
 
     The clause is empty if no limit is active. A joint without a solution keeps the set-points of
     the best run.
 
     - `requested`, `best`: requested set-points and those of the best run [rad], (n, dof).
-    - `acceleration`: limits of joint acceleration [rad/s²], (dof,).
+    - `cycle`: cycle [s].
+    - `bounds`: bounds of the set-points and their derivatives, (4, 2, dof).
     """
-    selected = Limits.only(
-        joint_velocity=limits.joint_velocity,
-        joint_acceleration=acceleration,
-        joint_lower=limits.joint_lower,
-        joint_upper=limits.joint_upper,
-    )
-    bounds = command_bounds(selected, len(acceleration))
-    if set_points.command_limits is not None:
-        others = command_bounds(set_points.command_limits, len(acceleration))
-        bounds = np.stack(
-            [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
-        )
-    excess = find_excess(requested, set_points.cycle, bounds)
+    excess = find_excess(requested, cycle, bounds)
     if excess is None:
         return requested, ""
     name = excess.name if excess.order else "range"
-    q = nearest_commands(requested, set_points.cycle, bounds, best)[0]
+    q = nearest_commands(requested, cycle, bounds, best)[0]
     words = name.removeprefix("joint_").replace("_", " ")
     return q, f"the {words} of the set-points of joint {excess.joint + 1} limits the step"

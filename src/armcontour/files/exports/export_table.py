@@ -30,7 +30,8 @@ from armcontour.motion import (
     TimedWait,
     Trajectory,
 )
-from armcontour.robot import Arm, Limits
+from armcontour.motion.set_point_rule import SetPointRule
+from armcontour.robot import Arm
 
 # An event that is earlier than a point by less than this fraction of the cycle is assigned to the
 # point, because both times have rounding errors.
@@ -96,7 +97,7 @@ class SetPointTable(Checked):
         waits: Waits for inputs, in the order of their times, which count from the first point.
         analog: Values of analog outputs by their names, (n,) each.
         analog_off: Their values while the process is off, by name; 0 by default.
-        command_limits: Limits that the joint positions satisfy, as set-points.
+        rule: Limits of the joint positions as set-points; None for a plan.
 
     Raises:
         InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
@@ -115,7 +116,7 @@ class SetPointTable(Checked):
     waits: tuple[TimedWait, ...] = ()
     analog: Mapping[str, FloatArray] = field(default_factory=dict)
     analog_off: Mapping[str, float] = field(default_factory=dict)
-    command_limits: Limits | None = None
+    rule: SetPointRule | None = None
     prismatic: tuple[bool, ...] = ()
     external: tuple[int, ...] = ()
     origin: str = ""
@@ -226,8 +227,8 @@ class SetPointTable(Checked):
     @property
     def decimals(self) -> int:
         """Number of decimals of joint positions [rad] in texts."""
-        if self.command_limits is not None:
-            # With fewer decimals, rounded set-points can exceed the command limits.
+        if self.rule is not None:
+            # With fewer decimals, rounded set-points can exceed their limits.
             return DECIMALS
         return POSITION_DECIMALS if self.cycle > FINE_CYCLE * (1 + 1e-9) else FINE_DECIMALS
 
@@ -259,7 +260,8 @@ def make_table(
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only; by default 2,
-            but 0 for set-points with command limits, which are limits of their differences.
+            but 0 for set-points with limits of the user or a controller, which are limits of their
+            differences.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
         origin: When and of what the table is made, for a comment of the file; empty: none.
@@ -289,7 +291,7 @@ def make_table(
         derivatives=derivatives,
         analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
         analog_off=_values_off(analog or {}) if plan.waits else {},
-        command_limits=data.command_limits if isinstance(data, SetPoints) else None,
+        rule=data.rule if isinstance(data, SetPoints) else None,
     )
 
 
@@ -311,7 +313,8 @@ def tabulate(
     dof = samples.q.shape[1]
     if derivatives is None:
         # The derivatives of a curve through set-points can exceed limits of their differences.
-        derivatives = 0 if about.get("command_limits") is not None else 2
+        rule = about.get("rule")
+        derivatives = 0 if rule is not None and rule.is_stated else 2
     if arm is not None and arm.dof != dof:
         raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."

@@ -10,6 +10,8 @@ from pathlib import Path as FilePath
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.quantities import joint_units
+from armcontour.core.text import capitalise
 from armcontour.files.exports.export_table import (
     REFERENCE,
     SetPointTable,
@@ -30,7 +32,9 @@ from armcontour.files.exports.formats import (
 )
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.motion import SetPoints, Trajectory
+from armcontour.motion.controller_facts import facts_of_format
 from armcontour.robot import Arm
+from armcontour.robot.limits import LIMITS
 
 # Label of exported set-points; that of the exported plan is REFERENCE.
 SET_POINTS = "set_points"
@@ -131,11 +135,41 @@ class Exporting:
         - `known`: Names of further outputs, whose values the table does not have.
         """
         format = self.format
+        said = self._judge(table)
         check_outputs(outputs_of(format), {*names_of(table), *known}, option="outputs", owner=owner)
         check_inputs(inputs_of(format), table_inputs(table), option="inputs", owner=owner)
         format.check(table)
         table = format.select(table)
-        return Prepared(format, table, format.describe(table))
+        return Prepared(format, table, [*said, *format.describe(table)])
+
+    def _judge(self, table: SetPointTable) -> list[str]:
+        """Return warnings about set-points beyond assumed limits; refuse those beyond stated ones.
+
+        Set-points that were computed for other controllers are judged by the controller of the
+        format, too.
+        """
+        if table.rule is None or not self.format.keeps_times:
+            return []
+        rule = table.rule
+        controller = facts_of_format(self.format.label)
+        if controller is not None:
+            rule = rule.of_controller(controller)
+        sentences = []
+        for excess in rule.judge(table.q, table.cycle).excesses:
+            joint = excess.joint
+            unit = joint_units(LIMITS[excess.limit].unit, table.prismatic)[joint]
+            found = f"the {excess.describe(table.joint_names[joint], unit)}"
+            if not excess.is_assumed:
+                raise InvalidInput(
+                    f"{capitalise(found)}. Compute set-points for this format: armcontour run "
+                    f"JOB --export {self.format.label}. In Python, compensate with command_limits "
+                    f"whose {excess.limit} is this limit.",
+                    joint=joint,
+                    needed=excess.needed,
+                    allowed=excess.allowed,
+                )
+            sentences.append(f"{found}. {excess.remedy}")
+        return sentences
 
     def check_compensation(self, name: str, is_plan: bool) -> None:
         """Refuse set-points that differ from the plan if the controller plans the motion itself."""

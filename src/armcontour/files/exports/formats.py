@@ -17,7 +17,6 @@ from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.quantities import AtLeast
 from armcontour.core.text import show
 from armcontour.files.exports.export_table import (
-    POSITION_DECIMALS,
     SetPointTable,
     write_csv,
 )
@@ -32,7 +31,6 @@ from armcontour.files.exports.template import (
     ENDING,
     PROGRAMS,
     RobotProgram,
-    describe_rounding,
     ending_of_template,
     program_warnings,
     template_keeps_times,
@@ -41,16 +39,14 @@ from armcontour.files.exports.template import (
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
 from armcontour.motion import Execution, SetPoints, Trajectory
+from armcontour.motion.set_point_rule import ACCELERATION
 from armcontour.motion.trajectory import COMMAND_SLACK
-from armcontour.robot import Arm, Limits
-from armcontour.robot.limit_use import use_of
+from armcontour.robot import Arm
 
 if TYPE_CHECKING:
     from armcontour.jobs import RunResult
 
 Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
-# Ratio of an exported acceleration to its limit above which a warning is given.
-MAX_ACCELERATION_RATIO = 3.0
 Derivatives = Annotated[int, AtLeast(0, 2)]
 # Programs for robots of Universal Robots.
 URSCRIPT = RobotProgram(
@@ -59,7 +55,6 @@ URSCRIPT = RobotProgram(
     analog="AO0",
     substitute="messages (textmsg)",
     advice="stream the set-points over RTDE (--export csv)",
-    digit=10.0**-POSITION_DECIMALS,
 )
 
 
@@ -103,14 +98,6 @@ class ExportFormat(Checked):
         """The kind of robot program; None for a table."""
         return None
 
-    def last_digit(self, table: SetPointTable) -> float | None:
-        """Return the value of the last digit of joint positions [rad]; None if it is unknown.
-
-        Args:
-            table: The table of the file.
-        """
-        return None if self.program is None else self.program.digit
-
     @property
     def writes_analog(self) -> bool:
         """True if files contain analog outputs."""
@@ -145,12 +132,12 @@ class ExportFormat(Checked):
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
-        """Return warnings about a file: outputs that are missing, rounding, and too many points.
+        """Return warnings about a file: outputs that are missing, and too many points.
 
         Args:
             table: The table of the file.
         """
-        sentences = describe_rounding(table, self.last_digit(table))
+        sentences = list[str]()
         if self.program is not None:
             sentences += program_warnings(table, self.program, outputs_of(self))
         if table.analog and not self.writes_analog:
@@ -213,10 +200,6 @@ class CsvFormat(ExportFormat):
     derivatives: Derivatives | None = None
     analog: Analog | None = None
 
-    def last_digit(self, table: SetPointTable) -> float:
-        """Return the value of the last digit of joint positions [rad]."""
-        return 10.0**-table.decimals
-
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
@@ -235,7 +218,6 @@ class RosYamlFormat(ExportFormat):
         points: Largest number of points; by default all points are written.
         point_tolerance: Largest difference that fewer points cause between the interpolation of the
             controller and that of all points, at any joint [rad]; required with `points`.
-        limits: Limits with which exported accelerations are compared, for a warning.
     """
 
     keeps_times: ClassVar[bool] = True
@@ -245,42 +227,34 @@ class RosYamlFormat(ExportFormat):
     tolerances: GoalTolerances | None = None
     points: Annotated[int, AtLeast(2)] | None = None
     point_tolerance: PointTolerance | None = None
-    limits: Limits | None = None
 
     def of_run(
         self, options: Exports, result: RunResult, data: SetPoints | Trajectory, arm: Arm
     ) -> RosYamlFormat:
-        """Return the format with the limits of a run, and with tolerances of its execution."""
-        format = replace(self, limits=result.run.limits)
-        if isinstance(data, SetPoints) and options.tolerances and result.execution is not None:
-            tolerances = predict_tolerances(result.execution, options.tolerances)
-            format = replace(format, tolerances=tolerances)
-        return format
+        """Return the format with tolerances of a run's execution, if they are requested."""
+        if isinstance(data, Trajectory) or not options.tolerances or result.execution is None:
+            return self
+        return replace(self, tolerances=predict_tolerances(result.execution, options.tolerances))
 
     @checked
     def describe(self, table: SetPointTable) -> list[str]:
-        """Also warn if accelerations exceed command limits, or by far the joint limits."""
+        """Also warn if accelerations exceed the limit of the set-points."""
         return [*self._acceleration_warnings(table), *ExportFormat.describe(self, table)]
 
     def _acceleration_warnings(self, table: SetPointTable) -> list[str]:
-        """Warn if exported accelerations exceed command limits, or by far the joint limits."""
-        commands = table.command_limits
-        limits = self.limits if commands is None else commands
-        if limits is None or table.ddq is None or limits.joint_acceleration is None:
+        """Warn if the derivatives of the points exceed the limit of the set-points."""
+        if table.ddq is None or table.rule is None:
             return []
-        ratio = use_of("joint_acceleration", limits, table.ddq).largest
+        low, high = table.rule.bounds[ACCELERATION]
+        ratio = np.maximum(table.ddq / low, table.ddq / high).max(axis=0)
         joint = int(np.argmax(ratio))
-        if ratio[joint] < (MAX_ACCELERATION_RATIO if commands is None else 1 + COMMAND_SLACK):
+        if ratio[joint] < 1 + COMMAND_SLACK:
             return []
         return [
             "a controller that follows the exported accelerations requires up to "
-            f"{ratio[joint]:.3g} times the acceleration limit of {table.joint_names[joint]}. Set "
-            "command_limits.joint_acceleration, and export without derivatives."
+            f"{ratio[joint]:.3g} times the acceleration limit of {table.joint_names[joint]}. "
+            "Export without derivatives."
         ]
-
-    def last_digit(self, table: SetPointTable) -> float:
-        """Return the value of the last digit of joint positions [rad]."""
-        return 10.0**-table.decimals
 
     @checked
     def select(self, table: SetPointTable) -> SetPointTable:

@@ -20,8 +20,6 @@ from armcontour.files.exports.export_table import POSITION_DECIMALS, SetPointTab
 from armcontour.files.exports.identifiers import identifier
 from armcontour.files.exports.slow_move import SLOW
 from armcontour.motion import TimedEvent, TimedWait
-from armcontour.motion.nearest_commands import command_use
-from armcontour.motion.trajectory import COMMAND_SLACK
 
 ENDING = ".j2"
 # Templates of the package by name.
@@ -31,8 +29,6 @@ BUILT_IN = {"kuka": "kuka.src.j2", "abb": "abb.mod.j2"}
 MAX_POINTS = 10_000
 # Advice for longer programs of the templates of the package.
 LONGER_CYCLE = "use a longer cycle (--cycle)"
-# Value of the last digit of joint positions in these programs [rad].
-LAST_DIGIT = math.radians(1e-6)
 # Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
 # Maximum length of a message in KRL and RAPID [characters].
@@ -52,21 +48,17 @@ class RobotProgram:
     analog: int | str  # Example of an analog output
     substitute: str  # What the program contains instead of an event without an output
     advice: str  # How to shorten a program that is too long
-    digit: float  # Value of the last digit of joint positions [rad]
 
 
 # Programs of the templates of the package by name.
 PROGRAMS = {
-    "kuka": RobotProgram(
-        output=17, input=5, analog=1, substitute="comments", advice=LONGER_CYCLE, digit=LAST_DIGIT
-    ),
+    "kuka": RobotProgram(output=17, input=5, analog=1, substitute="comments", advice=LONGER_CYCLE),
     "abb": RobotProgram(
         output="doTool",
         input="diClamp",
         analog="aoPower",
         substitute="comments",
         advice=LONGER_CYCLE,
-        digit=LAST_DIGIT,
     ),
 }
 
@@ -190,24 +182,6 @@ def wait_message(wait: TimedWait) -> str:
 def ending_of_template(name: str) -> str:
     """Return the extension of the program of a template, such as ".src" for "house.src.j2"."""
     return PurePath(name.removesuffix(ENDING)).suffix or ".txt"
-
-
-def describe_rounding(table: SetPointTable, digit: float | None) -> list[str]:
-    """Warn if set-points exceed the command limits after rounding to `digit` [rad]."""
-    if table.command_limits is None or digit is None:
-        return []
-    rounded = np.round(table.q / digit) * digit
-    uses = command_use(rounded, table.cycle, table.command_limits)
-    largest_use, worst = max(
-        ((float(x.max()), name) for name, x in uses.items()), default=(0.0, "")
-    )
-    if largest_use <= 1 + COMMAND_SLACK:
-        return []
-    return [
-        f"joint positions are rounded to {digit:.2g} rad, so that the set-points reach "
-        f"{largest_use:.4f} times command_limits.{worst}. Reduce this limit by "
-        f"{math.ceil((largest_use - 1) * 100)} %, or export csv."
-    ]
 
 
 def write_template(

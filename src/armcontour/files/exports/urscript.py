@@ -14,8 +14,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.files.exports.export_table import (
-    POSITION_DECIMALS,
     SetPointTable,
+    fixed_form,
     format_rows,
     write_pieces,
 )
@@ -47,8 +47,6 @@ ANALOG_OUTPUTS = 2
 LEVEL = "%.4f"
 # Largest rounding error of LEVEL: a level may be outside 0 to 1 by at most this.
 SAME_LEVEL = 5e-5
-# Format of a joint position [rad].
-ANGLE = f"%.{POSITION_DECIMALS}f"
 
 # Begin of a program. Over a socket, the controller requires `def` in the first line.
 PROGRAM_HEAD = """\
@@ -100,8 +98,9 @@ def write_urscript(
     """
     _check_table(table)
     cycle = f"{table.cycle:.12g}"
-    point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
-    numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
+    angles = fixed_form(table.decimals, JOINTS)
+    point = f"  servoj([{angles}], 0, 0, {cycle}, lookahead, gain)\n"
+    numbers = [angles % tuple(q) for q in (table.q[0], table.q[-1])]
     program = identifier(f"armcontour_{table.name}", LONGEST_NAME)
     head = PROGRAM_HEAD.format(
         program=program,
