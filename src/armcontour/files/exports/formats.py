@@ -39,7 +39,7 @@ from armcontour.files.exports.template import (
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
-from armcontour.motion import Execution, SetPoints, Trajectory
+from armcontour.motion import Execution, Servoj, SetPoints, Trajectory
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
@@ -307,6 +307,7 @@ class URScriptFormat(ExportFormat):
         analog: Analog outputs, as in CsvFormat; the program sets the outputs that `outputs` names.
         call: Whether a call of the program follows it, for a script file that a program of the
             pendant includes. A program that is sent to the controller needs no call.
+        servoj: Arguments of `servoj`.
     """
 
     kind: ClassVar[str] = "urscript"
@@ -317,6 +318,7 @@ class URScriptFormat(ExportFormat):
     inputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
+    servoj: Servoj = Servoj()
 
     @property
     def program(self) -> RobotProgram:
@@ -326,7 +328,9 @@ class URScriptFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_urscript(table, file, outputs_of(self), inputs_of(self), call=self.call)
+        write_urscript(
+            table, file, outputs_of(self), inputs_of(self), call=self.call, servoj=self.servoj
+        )
 
 
 @declared()
