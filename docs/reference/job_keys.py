@@ -12,6 +12,7 @@ from typing import Any, get_args, get_type_hints
 from tools.job_schema import FILE, schema_text
 
 from armcontour.core import quantities
+from armcontour.motion import Servoj
 from armcontour.robot.servo import ServoModel
 
 HERE = Path(__file__).parent
@@ -31,6 +32,7 @@ required and has no default is optional. "see meaning" stands for a default that
 ANNOTATIONS = (
     *vars(quantities).values(),
     *get_type_hints(ServoModel, include_extras=True).values(),
+    *get_type_hints(Servoj, include_extras=True).values(),
 )
 
 

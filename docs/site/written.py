@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from docs.gallery import pages as gallery
-from docs.reference import job_keys
+from docs.reference import controller_facts, job_keys
 from docs.site.commands import write_commands
 from docs.site.names import write_names
 
@@ -44,7 +44,7 @@ def write() -> None:
             if file.relative_to(FOLDER).as_posix() not in pages:
                 file.unlink()
     files = {FOLDER / name: text for name, text in pages.items()}
-    files |= job_keys.published() | gallery.published()
+    files |= job_keys.published() | controller_facts.published() | gallery.published()
     for file, text in files.items():
         if not file.exists() or file.read_text(encoding="utf-8") != text:
             file.parent.mkdir(parents=True, exist_ok=True)

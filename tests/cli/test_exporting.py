@@ -170,6 +170,14 @@ def run_urscript(call, folder, out, options=""):
     return text, set_points, {float(period) for _, period in points}
 
 
+@needs_dynamics
+def test_an_export_of_an_earlier_result_has_the_arguments_of_servoj_of_its_job(call, folder):
+    text, *_ = run_urscript(call, folder, "servoj", "--set export.servoj.gain=500")
+    call("export servoj servoj.script --force")
+    for program in (text, (folder / "servoj.script").read_text()):
+        assert "gain = 500\n" in program and "lookahead = 0.1\n" in program
+
+
 FIRST_RUN = "--speed-factor '10 %' --process-off --set 'cycle=40 ms'"
 
 

@@ -11,11 +11,14 @@ import pytest
 from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
+from armcontour.cli.commands import ControllerOptions
+from armcontour.cli.play_command import controller_of
 from armcontour.control.compensation import NoCompensation
 from armcontour.controllers import Motion, RollingRows, Ur, play
 from armcontour.controllers.player import approach_of
 from armcontour.core.errors import ControllerLost, ControllerRefused
 from armcontour.files import parse_job
+from armcontour.files.exports.formats import format_named
 from armcontour.motion import SetPoints
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs loopback addresses")
@@ -93,6 +96,26 @@ def test_every_set_point_is_sent_in_its_cycle_and_recorded(arm, double):
             # The double's joints, from the row before.
             moved = record.measured[:-1] + 0.1 * (record.command[1:] - record.measured[:-1])
             assert np.abs(moved - record.measured[1:]).max() < 1e-12
+
+
+def test_program_and_feeder_have_the_arguments_of_servoj_of_the_job(arm, double, tmp_path):
+    address, _ = double("gain=500", "lookahead=0.05")
+    job = parse_job(JOB + "export: {servoj: {gain: 500, lookahead: 50 ms}}")
+    part = motion(arm, START, START + 0.01, stops=False)
+    with controller_of(job, ControllerOptions(on="ur", address=address)) as robot:
+        robot.connect(arm, START)
+        assert robot.stream(part).faithful
+    line = ac.JointPath.spline(part.q[[0, -1]], [0.0, 1.0])
+    planned = ac.plan(line, arm, arm.limits)
+    ac.export(planned, tmp_path / "part.script", format_named("urscript", job.export))
+    program = (tmp_path / "part.script").read_text()
+    assert "lookahead = 0.05\n" in program and "gain = 500\n" in program
+
+
+@pytest.mark.parametrize("wrong", ["{gain: 99}", "{gain: 2001}", "{lookahead: 20 ms}"])
+def test_arguments_of_servoj_outside_the_range_of_ur_are_refused(wrong):
+    with pytest.raises(ac.InvalidInput, match=r"export\.servoj.* must be from"):
+        parse_job(JOB + f"export: {{servoj: {wrong}}}")
 
 
 def test_a_dry_run_compares_positions_and_sends_no_program(double):

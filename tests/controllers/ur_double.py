@@ -7,7 +7,8 @@ make programs of this kind Python, so the double executes the text that it gets.
 
 Words such as `safety_mode=3` set a variable, `used=input_int_register_24` is another client's, and
 `stopped_at=100` makes a protective stop in cycle 100 of a motion, from cycle `slowed_at=100` on the
-speed slider is at 50 %, and from cycle `missing_at=100` on the program gets no inputs.
+speed slider is at 50 %, and from cycle `missing_at=100` on the program gets no inputs. With
+`gain=500` or `lookahead=0.05`, `servoj` must have these arguments instead of UR's defaults.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class Double:
         self.stopped_at = state.pop("stopped_at", float("inf"))
         self.slowed_at = state.pop("slowed_at", float("inf"))
         self.missing_at = state.pop("missing_at", float("inf"))
+        self.servo = (state.pop("lookahead", 0.1), state.pop("gain", 300.0))
         self.values: dict[str, float] = dict.fromkeys(TYPES, 0)
         self.values |= {"robot_mode": 7, "safety_mode": 1, "runtime_state": 1}
         self.values |= {"target_speed_fraction": 1.0, **state}
@@ -118,7 +120,7 @@ class Double:
         After each cycle, send the state and wait for inputs. UR's article "Trajectory improvements
         for servoj()" states the number of cycles: at 50 %, a `servoj` of 2 ms takes 4 ms.
         """
-        assert (t, lookahead, gain) == (CYCLE, 0.1, 300.0)
+        assert (t, (lookahead, gain)) == (CYCLE, self.servo)
         if self.values["output_int_register_24"] >= self.slowed_at:
             self.values["target_speed_fraction"] = 0.5
         self.target = list(q)

@@ -80,8 +80,8 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
 
     run = read_run(options.result, options.run_name)
     patch, names = read_patch(options)
-    signals = {"outputs": dict(run.outputs), "inputs": dict(run.inputs)}
-    data = signals | {str(keys[-1]): x for keys, x in patch.items()}
+    of_job = {"outputs": run.outputs, "inputs": run.inputs, "servoj": run.servoj}
+    data = of_job | {str(keys[-1]): x for keys, x in patch.items()}
     with naming_options_in_errors(names), error_context("export"):
         chosen = read_keys(Exports, {"formats": [kind], **data})
     format = formats.format_named(kind, chosen)

@@ -189,7 +189,7 @@ def controller_of(job: Job, options: ControllerOptions) -> Controller:
     if address is None:
         raise InvalidInput(f"--on {name} requires the robot's address. Specify it with --address.")
     if name == "ur":
-        return Ur(address)
+        return Ur(address, job.export.servoj)
     return Franka(address)
 
 

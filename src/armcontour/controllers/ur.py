@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path as FilePath
+
 import numpy as np
 
-from armcontour.controllers.controller import Controller
+from armcontour.controllers.controller import Controller, FeederCommand
 from armcontour.core.checks import FloatArray
+from armcontour.core.fields import checked
 from armcontour.core.result import Row
+from armcontour.motion import Servoj
 from armcontour.motion.nearest_commands import command_bounds
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
@@ -20,11 +24,23 @@ class Ur(Controller):
 
     Args:
         address: Address of the robot.
+        servoj: Arguments of `servoj`.
     """
 
     name = "ur"
     cycle = 2e-3
     ahead = 5
+
+    @checked
+    def __init__(self, address: str, servoj: Servoj = Servoj()) -> None:
+        super().__init__(address)
+        self.servoj = servoj
+
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> FeederCommand:
+        """Return the command of the feeder, with the arguments of `servoj`."""
+        command, environment = super()._command(arm, start, folder)
+        values = [repr(self.servoj.lookahead), repr(self.servoj.gain)]
+        return [*command, *values], environment
 
     def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
         """Compare the set-points with ranges and speeds of the arm."""

@@ -389,6 +389,7 @@ class StoredRun:
     rule: SetPointRule | None = None  # Limits of the set-points; None if they are unknown
     outputs: Mapping[str, Any] = field(default_factory=dict)  # As `outputs` of `Exports`
     inputs: Mapping[str, Any] = field(default_factory=dict)  # As `inputs` of `Exports`
+    servoj: Mapping[str, float] = field(default_factory=dict)  # As `servoj` of `Exports`
     waits: tuple[TimedWait, ...] = ()  # Waits for inputs, with times since the start of the plan
     external: tuple[int, ...] = ()  # Indices of external axes
 
@@ -468,6 +469,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             rule=SetPointRule.from_data(rule) if (rule := about.get("set_point_rule")) else None,
             outputs=dict(about.get("outputs", {})),
             inputs=dict(about.get("inputs", {})),
+            servoj=dict(about.get("servoj", {})),
             waits=tuple(TimedWait(**{x: w[x] for x in WAIT_KEYS}) for w in about.get("waits", ())),
             external=tuple(data["arm"].get("external", ())),
         )

@@ -38,12 +38,16 @@ from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
+<<<<<<< HEAD
 from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.motion.controller_facts import (
     ControllerFacts,
     facts_of_format,
     facts_of_player,
 )
+=======
+from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, check_cycle
+>>>>>>> facts
 from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
 from armcontour.planning.program_tracing import configuration_of
 from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES
@@ -100,6 +104,7 @@ class Exports(Checked):
             [rad].
         call: With urscript, whether the program is called at the end of its file, for the script
             file of a pendant.
+        servoj: With urscript and `play --on ur`, arguments of `servoj`.
     """
 
     formats: Sequence[str] = ()
@@ -111,6 +116,7 @@ class Exports(Checked):
     points: Annotated[int, AtLeast(2)] | None = None
     point_tolerance: PointTolerance | None = None
     call: bool = False
+    servoj: Servoj = Servoj()
 
     def _check_together(self) -> None:
         """Refuse options that need each other or another format."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import asdict, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from armcontour.jobs.plan_quantities import (
 )
 from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
-from armcontour.motion import Execution
+from armcontour.motion import Execution, Servoj
 from armcontour.planning import Explanation
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.program import Contour, Program
@@ -509,6 +509,8 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     if job is not None and job.export.inputs:
         inputs = job.export.inputs.items()
         yield Row("inputs", {x: dict(y) if isinstance(y, Mapping) else y for x, y in inputs})
+    if job is not None and job.export.servoj != Servoj():
+        yield Row("servoj", asdict(job.export.servoj))
     single = path.single_path
     yield Row("merged_points", () if single is None else single.merged)
     yield from shaping_rows(path)

@@ -12,6 +12,7 @@ _HOME = {
     "joint_path": "JointPath",
     "laws": "LapLaw Law LawAlongPath PathLaw Rates dwell_law",
     "log": "Log",
+    "servoj": "Servoj",
     "trajectory": (
         "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent TimedWait Trajectory arm_of"
     ),

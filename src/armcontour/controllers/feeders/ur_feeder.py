@@ -105,7 +105,7 @@ read_input_float_register(slot + 4), read_input_float_register(slot + 5)]
     write_output_float_register(28, q[4])
     write_output_float_register(29, q[5])
     write_output_integer_register(25, PROGRAM_NUMBER)
-    servoj(q, 0, 0, 0.002, 0.1, 300)
+    servoj(q, 0, 0, 0.002, LOOKAHEAD, GAIN)
   end
   write_output_integer_register(25, ended)
   stopj(4.0)
@@ -120,10 +120,13 @@ class UrDevice:
 
     Args:
         address: Address of the robot.
+        lookahead: Look-ahead time of `servoj` [s], as text.
+        gain: Gain of `servoj`, as text.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, lookahead: str, gain: str) -> None:
         self.address = address
+        self.script = URSCRIPT.replace("LOOKAHEAD", lookahead).replace("GAIN", gain)
         self.number = int.from_bytes(os.urandom(3)) + 1
         self.running = False
         self.fresh = False
@@ -182,7 +185,7 @@ class UrDevice:
         self.end = None
         self.newest = -1
         self._send_inputs(1)
-        text = URSCRIPT.replace("PROGRAM_NUMBER", str(self.number))
+        text = self.script.replace("PROGRAM_NUMBER", str(self.number))
         with self._open(SCRIPT_PORT) as script:
             script.sendall(text.encode())
             # Closing the socket with unread data could make the controller discard the program.
@@ -365,4 +368,4 @@ class UrFeeder(Feeder):
 
 
 if __name__ == "__main__":
-    main(UrDevice(sys.argv[3]), UrFeeder)
+    main(UrDevice(*sys.argv[3:6]), UrFeeder)

@@ -38,8 +38,12 @@ from armcontour.files.exports.template import (
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
+<<<<<<< HEAD
 from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.set_point_rule import ACCELERATION
+=======
+from armcontour.motion import Execution, Servoj, SetPoints, Trajectory
+>>>>>>> facts
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Arm
 
@@ -287,6 +291,7 @@ class URScriptFormat(ExportFormat):
         analog: Analog outputs, as in CsvFormat; the program sets the outputs that `outputs` names.
         call: Whether a call of the program follows it, for a script file that a program of the
             pendant includes. A program that is sent to the controller needs no call.
+        servoj: Arguments of `servoj`.
     """
 
     keeps_times: ClassVar[bool] = True
@@ -298,6 +303,7 @@ class URScriptFormat(ExportFormat):
     inputs: Mapping[str, int | str] | None = None
     analog: Analog | None = None
     call: bool = False
+    servoj: Servoj = Servoj()
 
     @property
     def program(self) -> RobotProgram:
@@ -307,7 +313,9 @@ class URScriptFormat(ExportFormat):
     @checked
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table to a file."""
-        write_urscript(table, file, outputs_of(self), inputs_of(self), call=self.call)
+        write_urscript(
+            table, file, outputs_of(self), inputs_of(self), call=self.call, servoj=self.servoj
+        )
 
 
 @declared()

@@ -22,7 +22,7 @@ from armcontour.files.exports.export_table import (
 from armcontour.files.exports.identifiers import identifier
 from armcontour.files.exports.slow_move import SLOW
 from armcontour.files.exports.template import SAME_TIME, wait_message
-from armcontour.motion import TimedEvent, TimedWait
+from armcontour.motion import Servoj, TimedEvent, TimedWait
 
 JOINTS = 6
 # Cycle of the controllers [s]; older controllers have a cycle of four times this value.
@@ -55,8 +55,8 @@ def {program}():
 {origin}  # Joint positions in rad: {joints}
   # Set the speed slider to 100 %, so that the robot follows the times of the set-points.
   # Parameters of the servo: use the values with which its model was identified.
-  lookahead = 0.1
-  gain = 300
+  lookahead = {servoj.lookahead:.12g}
+  gain = {servoj.gain:.12g}
   # Slow move to the first set-point; make sure that there are no obstacles.
   movej([{first}], a={slow.joint_acceleration}, v={slow.joint_speed})
 """
@@ -83,6 +83,7 @@ def write_urscript(
     inputs: Mapping[str, int | str],
     *,
     call: bool,
+    servoj: Servoj,
 ) -> None:
     """Write a URScript program: a slow move to the start, then one `servoj` per set-point.
 
@@ -112,6 +113,7 @@ def write_urscript(
         joints=", ".join(table.joint_names),
         first=numbers[0],
         slow=SLOW,
+        servoj=servoj,
     )
     # Computed before the file is opened, because an invalid event raises an error.
     lines = _lines_between(table, outputs, inputs, point)
