@@ -391,6 +391,7 @@ class StoredRun:
     inputs: Mapping[str, Any] = field(default_factory=dict)  # As `inputs` of `Exports`
     waits: tuple[TimedWait, ...] = ()  # Waits for inputs, with times since the start of the plan
     external: tuple[int, ...] = ()  # Indices of external axes
+    servo: str = ""  # The servo that the set-points compensate, in one line
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
         """Return the table of the set-points; `derivatives` as in `tabulate`."""
@@ -424,6 +425,7 @@ class StoredRun:
             external=self.external,
             derivatives=derivatives,
             command_limits=Limits() if self.limited and label != REFERENCE else None,
+            servo="" if label == REFERENCE else self.servo,
         )
 
     def _with_derivatives(self, stored: TrajectoryFile, derivatives: int | None) -> Samples:
@@ -470,6 +472,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             inputs=dict(about.get("inputs", {})),
             waits=tuple(TimedWait(**{x: w[x] for x in WAIT_KEYS}) for w in about.get("waits", ())),
             external=tuple(data["arm"].get("external", ())),
+            servo=about.get("servo") or "",
         )
     except InvalidInput:
         raise

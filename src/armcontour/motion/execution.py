@@ -315,6 +315,8 @@ class SetPoints(Checked):
             set-points is cut off [rad], (dof,); None if it is complete.
         command_limits: Limits of the set-points, as in `compensate`; None without limits.
         limit_cost: Cost of these limits; None if they change no set-point.
+        servo_text: The servo that the set-points compensate, such as "assumed servo: kp 25 1/s,
+            kv 150 1/s"; empty without compensation.
 
     Raises:
         InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
@@ -329,6 +331,7 @@ class SetPoints(Checked):
     truncated: FloatArray | None = None
     command_limits: Limits | None = None
     limit_cost: LimitCost | None = None
+    servo_text: str = ""
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)

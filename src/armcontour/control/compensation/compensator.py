@@ -113,6 +113,7 @@ def unchecked_set_points(
     truncated = None
     if options.compensates and has_transient(model):
         q, truncated = invert_feedforward(q, interval, model, duration)
+    prismatic = None if arm is None else arm.chain.prismatic
     set_points = SetPoints(
         cycle=interval,
         q=q,
@@ -120,6 +121,7 @@ def unchecked_set_points(
         method=options.method,
         start_time=start,
         truncated=truncated,
+        servo_text=model.describe_with_source(prismatic) if options.compensates else "",
     )
     if options.command_limits is None:
         return set_points
