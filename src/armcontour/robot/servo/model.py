@@ -270,8 +270,8 @@ class ServoModel(Checked):
     def preset(cls, name: str) -> ServoModel:
         """Load the measured servo of a controller by its name.
 
-        >>> ac.ServoModel.preset("ur5e-servoj").kp[0]
-        9.72
+        >>> print(ac.ServoModel.preset("ur5e-servoj"))
+        kp 9.72 1/s, kv 28.8 1/s
 
         Args:
             name: Name of the servo; a job loads it with `servo: ur5e-servoj`.
