@@ -134,6 +134,18 @@ def set_to(key, value, run="own", text=PLANE):
     return edited(text, run, do="set", key=key, value=value)
 
 
+def test_a_servo_that_is_edited_is_no_preset():
+    preset = SPACE.replace("{kp: 25 1/s, kv: 150 1/s}", "ur5e-servoj")
+    for key, value in (("servo.kp", "12 1/s"), ("servo.kp.1", 12), ("servo.dead_time", "4 ms")):
+        servo = again(preset, do="set", key=key, value=value)[0].servo
+        assert servo.source == ""
+        np.testing.assert_array_equal(servo.kv, 28.8)
+    named = SPACE.replace("150 1/s}", "150 1/s, dead_time: 4 ms, source: identified from a.csv}")
+    assert again(named, do="set", key="cycle", value="2 ms")[0].servo.source
+    assert again(named, do="set", key="servo", value="ur5e-servoj")[0].servo.kp[0] == 9.72
+    assert not again(named, do="unset", key="servo.dead_time")[0].servo.source
+
+
 def test_the_order_of_many_contours_is_one_edit():
     # A message has at most 100 edits, but a drawing has more contours.
     orders = [[k, 200 - k] for k in range(1, 151)] + [["CUT-1", 7]]

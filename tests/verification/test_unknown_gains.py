@@ -50,7 +50,7 @@ def worst_of_corners(job, run):
 )
 def test_the_estimate_is_near_the_worst_simulated_robot(tmp_path, servo):
     job, run = run_of(tmp_path, servo)
-    assert run.unknown_gains.share == SHARE
+    assert run.unknown_gains.shares == {"kp": SHARE, "kv": SHARE}
     assert run.unknown_gains.max > run.evaluation.contour_error.max
     assert run.unknown_gains.max == pytest.approx(worst_of_corners(job, run), rel=0.05)
 

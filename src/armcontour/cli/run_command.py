@@ -121,7 +121,7 @@ def _result_lines(job_result: jobs.JobResult) -> Sequence[str]:
     """Return lines with verdict, values, remarks and warnings of each run."""
     job = job_result.job
     runs = job_result.figures
-    servo = job.plant_servo.describe(job.arm.chain.prismatic)
+    servo = job.plant_servo.describe_with_source(job.arm.chain.prismatic)
     title = f"{job.title}, simulated with {servo}" if job_result.simulated else job.title
     if len(runs) == 1:
         lines = [title, *text(next(iter(runs.values()))).splitlines()]

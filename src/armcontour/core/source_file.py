@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 # Number of hexadecimal digits of a fingerprint, which distinguish the versions of a file.
 DIGITS = 12
+# Environment variable with the time of reproducible files [s since 1970, UTC], as other tools read
+# it, see https://reproducible-builds.org/specs/source-date-epoch.
+EPOCH = "SOURCE_DATE_EPOCH"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,3 +39,11 @@ def fingerprint(content: bytes) -> str:
     'c648a00f0091'
     """
     return hashlib.sha256(content).hexdigest()[:DIGITS]
+
+
+def writing_time() -> datetime:
+    """Return the present time, or that of the environment variable `EPOCH`."""
+    fixed = os.environ.get(EPOCH)
+    if fixed is None:
+        return datetime.now().astimezone()
+    return datetime.fromtimestamp(int(fixed), UTC)

@@ -256,6 +256,8 @@ def _servo(key: str, servo: ServoModel, arm: Arm, **changes: Any) -> ServoModel:
 def _plant(parameters: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
     """Return the plant's servo: the nominal servo with the values of `plant` that are not null."""
     changes = {key: value for key, value in parameters.items() if value is not None}
+    # The values of the user are assumed.
+    changes["source"] = ""
     if changes.get("order") == "first":
         # A first-order servo has no gain kv, which the nominal servo may have.
         changes.setdefault("kv", None)

@@ -19,6 +19,7 @@ from armcontour.core.quantities import (
     JointJerks,
     JointRanges,
     JointVelocities,
+    Key,
     Length,
     PartialFields,
     SpeedFactor,
@@ -36,6 +37,7 @@ from armcontour.files.scene_file import (
     RotationModel,
     SceneModel,
 )
+from armcontour.files.servo_presets import ServoKey
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, Exports, Rounding
 from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
@@ -59,6 +61,9 @@ IDENTIFIED = (
     "contour_ratio",
     "program_ratio",
     "programs",
+    "kp_spread",
+    "kv_spread",
+    "source",
 )
 Timing = Annotated[
     PlanOptions,
@@ -366,7 +371,7 @@ class JobModel(SharedModel):
         process: Leads, overlaps and events that are added to contours.
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
             errors may reach their tolerances, and the contour error a tenth of the smallest one.
-        servo: The nominal servo.
+        servo: The nominal servo: a measured one by its name, such as `ur5e-servoj`, or a mapping.
         plant: Parameters of the real servo that differ from the nominal servo. The key
             `experiment`, not this key, adds a simulation of the rigid bodies.
         experiment: Additional simulation of runs on the rigid bodies of the arm.
@@ -384,7 +389,7 @@ class JobModel(SharedModel):
     path: PathModel
     process: Process | None = None
     accuracy: Distance | None = None
-    servo: ServoModel
+    servo: Annotated[ServoModel, Key(hint=ServoKey)]
     plant: (
         Annotated[dict[str, Any], PartialFields(ServoModel, null=True, omit=IDENTIFIED)] | None
     ) = None

@@ -17,6 +17,7 @@ from armcontour.files.file_keys import Patch as Patch
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_model import JobModel, RunModel
 from armcontour.files.job_text_edits import REMOVE, Change, change_data, value_at, write_data
+from armcontour.files.servo_presets import preset_keys
 from armcontour.jobs.job import ARC, FREE
 from armcontour.jobs.methods import COMPENSATIONS, TIMINGS
 from armcontour.motion import Method
@@ -30,6 +31,8 @@ IN_RUN = {x.name for x in fields(RunModel)}
 MERGED = ("limits", "command_limits")
 # Position of the part, of which a patch can set x and y only.
 PART_POSITION: Keys = ("path", "frame", "position")
+SERVO: Keys = ("servo",)
+SERVO_SOURCE: Keys = ("servo", "source")
 
 
 def _options_of(methods: Mapping[Any, Any]) -> dict[str, str]:
@@ -241,6 +244,11 @@ def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
         if keys[:k] == ("arm",) and isinstance(outer_value, str):
             yield Change(keys[:k], change_data(arm_keys(outer_value), [Change(inner, value)]))
             return
+        if keys[:k] == SERVO and isinstance(outer_value, str):
+            servo = preset_keys(outer_value)
+            servo.pop("source")
+            yield Change(keys[:k], change_data(servo, [Change(inner, value)]))
+            return
         if keys[:k] == ("path", "layers") and isinstance(outer_value, list):
             layers: dict[str, Any] = {str(name): {} for name in outer_value}
             yield Change(keys[:k], change_data(layers, [Change(inner, value)]))
@@ -265,6 +273,10 @@ def _set_value(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
         # Selected layers keep their speeds and tolerances.
         value = {name: old.get(name) or {} for name in map(str, value)}
     yield Change(keys, value)
+    is_servo_value = keys[:1] == SERVO and keys not in (SERVO, SERVO_SOURCE)
+    if is_servo_value and value_at(data, SERVO_SOURCE) is not None:
+        # With another value, the servo is not the one of this source.
+        yield Change(SERVO_SOURCE, REMOVE)
     siblings = value_at(data, keys[:-1])
     for name, choice in CHOICES.get(keys[-2:], {}).items():
         if choice != value and isinstance(siblings, Mapping) and name in siblings:

@@ -19,7 +19,7 @@ from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
 
 # Version of lesson files; must increase if their content changes.
-VERSION = 5
+VERSION = 6
 # Fields that are not stored as arrays or plain values: they are computed again from the job and the
 # plan, or are stored separately.
 NOT_STORED = ("trajectory", "runs", "lifted", "servo", "rule", "limit_cost")

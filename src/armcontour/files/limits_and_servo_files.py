@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -18,6 +19,7 @@ from armcontour.core.quantities import Angle, Length, PartialFields, shared_unit
 from armcontour.core.render import figure
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import read_keys
+from armcontour.files.servo_presets import ServoKey
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 
@@ -35,6 +37,8 @@ COMMENTS = {
     "contour_ratio": "contour error with / without compensation, on motion that was not fitted",
     "program_ratio": "the same in the logs of programs, without multisines",
     "programs": "number of programs from which contour_ratio was determined",
+    "kp_spread": "relative standard deviation of kp",
+    "kv_spread": "relative standard deviation of kv",
 }
 
 
@@ -101,13 +105,13 @@ def read_limits(file: str | FilePath, arm: Arm) -> MotionRequirements:
 def read_servo(file: FilePath, dof: int) -> ServoModel:
     """Read the key `servo` of a YAML file, such as a job file or an identified servo.yaml."""
     data = load(read_text(file, "servo file"), file.name)
-    if not isinstance(data, dict) or not isinstance(data.get("servo"), dict):
+    if not isinstance(data, dict) or not isinstance(data.get("servo"), dict | str):
         raise InvalidInput(
             f"{file.name} has no key servo with gains. Specify a job file, or the servo.yaml of an "
             "identification."
         )
     with error_context(file.name), key_context("servo"):
-        servo: ServoModel = read_keys(ServoModel, data["servo"])
+        servo: ServoModel = read_keys(ServoKey, data["servo"])
         return servo.for_joints(dof)
 
 
@@ -161,6 +165,8 @@ def servo_lines(servo: ServoModel, prismatic: Sequence[bool]) -> list[str]:
         if isinstance(value, np.ndarray):
             listed = ["none" if math.isinf(x) else f"{float(x):.6g}" for x in value]
             lines.append(f"  {name}: [{', '.join(listed)}]{f'    # {comment}' if comment else ''}")
+        elif isinstance(value, str):
+            lines.append(f"  {name}: {json.dumps(value, ensure_ascii=False)}")
         elif value is not None:
             lines.append(f"  {name}: {value:.6g}    # {comment}")
     return lines

@@ -392,6 +392,7 @@ class StoredRun:
     servoj: Mapping[str, float] = field(default_factory=dict)  # As `servoj` of `Exports`
     waits: tuple[TimedWait, ...] = ()  # Waits for inputs, with times since the start of the plan
     external: tuple[int, ...] = ()  # Indices of external axes
+    servo: str = ""  # The servo that the set-points compensate, in one line
 
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
         """Return the table of the set-points; `derivatives` as in `tabulate`."""
@@ -425,6 +426,7 @@ class StoredRun:
             external=self.external,
             derivatives=derivatives,
             rule=None if label == REFERENCE else self.rule,
+            servo="" if label == REFERENCE else self.servo,
         )
 
     def _with_derivatives(self, stored: TrajectoryFile, derivatives: int | None) -> Samples:
@@ -472,6 +474,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             servoj=dict(about.get("servoj", {})),
             waits=tuple(TimedWait(**{x: w[x] for x in WAIT_KEYS}) for w in about.get("waits", ())),
             external=tuple(data["arm"].get("external", ())),
+            servo=about.get("servo") or "",
         )
     except InvalidInput:
         raise

@@ -38,16 +38,12 @@ from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
-<<<<<<< HEAD
-from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
+from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, check_cycle
 from armcontour.motion.controller_facts import (
     ControllerFacts,
     facts_of_format,
     facts_of_player,
 )
-=======
-from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, check_cycle
->>>>>>> facts
 from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
 from armcontour.planning.program_tracing import configuration_of
 from armcontour.planning.timing_options import DEFAULT_ITERATIONS, MAX_SHAPES

@@ -71,6 +71,7 @@ def job_data(
             Row("arm.masses_known", arm.has_bodies),
             Row("arm.assumed", arm.chain.assumed or None),
             Row("arm.notes", arm.notes),
+            Row("servo", job.servo.describe_with_source(arm.chain.prismatic)),
             Row("simulated", simulated),
             Row("units", units_by_name([*runs.values(), *parts.values()])),
         ),
@@ -151,7 +152,7 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
         label = "contour error expected, largest"
         yield Row("expected.max", value, "m", label, note, VERDICT)
     if (gains := result.unknown_gains) is not None:
-        label = f"contour error, gains {number(gains.share, '1')} off"
+        label = f"contour error, {gains.words}"
         note = "estimate for the worst such robot"
         if gains.saturates:
             note = "worst robot found; joints saturate"
@@ -431,6 +432,7 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
         return
     every = f"every {number(set_points.cycle, 's')}"
     yield Row("set_points", len(set_points.q), "", "set-points", every)
+    yield Row("servo", set_points.servo_text or None)
     yield Row("truncated", set_points.truncated, unit_of(result.arm, "rad"))
     cost = set_points.limit_cost
     use = result.set_point_use

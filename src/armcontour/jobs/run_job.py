@@ -277,13 +277,16 @@ def estimate_unknown_gains(
         # Times between set-points add little to an estimate.
         return simulate(set_points, plant, resolution=set_points.cycle)
 
-    others = [execute({name: (1.0 + UNKNOWN_SHARE) * x}) for name, x in gains.items()]
-    found = worst_with_other_gains(executed, others, evaluation.contour_error)
+    spreads = {"kp": servo.kp_spread, "kv": servo.kv_spread}
+    measured = any(spreads[name] is not None for name in gains)
+    shares = {name: spreads[name] or UNKNOWN_SHARE for name in gains}
+    others = [execute({name: (1.0 + shares[name]) * x}) for name, x in gains.items()]
+    found = worst_with_other_gains(executed, others, evaluation.contour_error, shares, measured)
     if found is None or not found.saturates:
         return found
     for signs in (found.signs, -found.signs):
         pairs = zip(gains.items(), signs, strict=True)
-        robot = execute({name: (1.0 + UNKNOWN_SHARE * sign) * x for (name, x), sign in pairs})
+        robot = execute({name: (1.0 + shares[name] * sign) * x for (name, x), sign in pairs})
         error = evaluate(robot, path, end_time=run.end_time).contour_error
         if error.max > found.max:
             found = replace(found, max=error.max, t_max=error.t_max)

@@ -39,9 +39,10 @@ class RunResult(RunRecord, Result, Pictured):
         execution: The executed motion; None without a simulation.
         evaluation: Errors of the executed motion; None without a simulation.
         expected: Errors to expect of the robot, if its servo was identified from logs.
-        unknown_gains: Estimated contour error of the worst robot whose gains differ by 1 %; None
-            with `expected`, for joints without gains, without a simulation that judges, if such
-            a robot cannot be simulated, and for contours shorter than a cycle.
+        unknown_gains: Estimated contour error of the worst robot whose gains differ by 1 %, or by
+            the spread of the servo; None with `expected`, for joints without gains, without a
+            simulation that judges, if such a robot cannot be simulated, and for contours shorter
+            than a cycle.
         executed_clearance: Clearance of the arm from itself and its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.

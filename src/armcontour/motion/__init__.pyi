@@ -18,6 +18,7 @@ from armcontour.motion.laws import PathLaw as PathLaw
 from armcontour.motion.laws import Rates as Rates
 from armcontour.motion.laws import dwell_law as dwell_law
 from armcontour.motion.log import Log as Log
+from armcontour.motion.servoj import Servoj as Servoj
 from armcontour.motion.set_point_rule import SetPointRule as SetPointRule
 from armcontour.motion.set_point_rule import make_rule as make_rule
 from armcontour.motion.trajectory import DEFAULT_CYCLE as DEFAULT_CYCLE

@@ -296,6 +296,8 @@ class SetPoints(Checked):
         rule: Limits of the set-points, with which they were computed; by default those of the plan
             and the assumed ones, with which they are judged.
         limit_cost: Cost of these limits; None if they change no set-point.
+        servo_text: The servo that the set-points compensate, such as "assumed servo: kp 25 1/s,
+            kv 150 1/s"; empty without compensation.
 
     Raises:
         InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
@@ -310,6 +312,7 @@ class SetPoints(Checked):
     truncated: FloatArray | None = None
     rule: SetPointRule = None  # type: ignore[assignment]
     limit_cost: LimitCost | None = None
+    servo_text: str = ""
 
     def __post_init__(self) -> None:
         """Complete the rule, then check the fields."""

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 
-from armcontour.core.source_file import SourceFile
+from armcontour.core.source_file import SourceFile, writing_time
 from armcontour.jobs import Job
-
-# Environment variable with the time of reproducible pages [s since 1970, UTC], as other tools read
-# it, see https://reproducible-builds.org/specs/source-date-epoch.
-EPOCH = "SOURCE_DATE_EPOCH"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +29,5 @@ class Origin:
 
     @property
     def date(self) -> datetime:
-        """Time at which the page is written, or that of the environment variable `EPOCH`."""
-        fixed = os.environ.get(EPOCH)
-        if fixed is None:
-            return datetime.now().astimezone()
-        return datetime.fromtimestamp(int(fixed), UTC)
+        """Time at which the page is written."""
+        return writing_time()

@@ -284,7 +284,8 @@ class CoarsePlanner:
         job = planned.job
         run = planned.run
         get = self._cache.get
-        servos = [comparable(x) for x in (job.servo, job.plant_servo)]
+        # Where a servo comes from changes no result.
+        servos = [comparable(x.replace(source="")) for x in (job.servo, job.plant_servo)]
         with error_context(f"Run {run.name}"):
             set_points = get(
                 "compensation",

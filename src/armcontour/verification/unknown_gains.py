@@ -4,9 +4,10 @@ To first order in the gains, the joint positions of a robot with other gains dev
 
     δq_j(t) = Σ_g σ_gj ∂q_j/∂g_j δg_j
 
-with the gains g (K_p and K_v) of joint j, which differ by the same share, up or down (σ = ±1). The
-joints of a servo model are independent, so one simulation per gain, in which this gain of all
-joints is larger, gives all these deviations. The tool then leaves the path by the part of
+with the gains g (K_p and K_v) of joint j, each of which differs by the same share in all joints, up
+or down (σ = ±1). The joints of a servo model are independent, so one simulation per gain, in which
+this gain of all joints is larger, gives all these deviations. The tool then leaves the path by the
+part of
 
     Σ_j J_j δq_j(t)
 
@@ -18,16 +19,17 @@ is worst to first order, and the one with opposite deviations, are simulated as 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray
+from armcontour.core.render import number
 from armcontour.motion.execution import Execution
 from armcontour.verification.error_profile import ErrorProfile
 
-# Share by which the gains of each joint differ.
+# Share by which the gains of each joint differ, unless a servo states their spread.
 UNKNOWN_SHARE = 0.01
 # Largest number of times at which the errors are computed.
 MAX_TIMES = 20_000
@@ -39,25 +41,39 @@ RESTING = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnknownGains:
-    """Contour error of the worst robot whose gains differ by a share, to first order.
+    """Contour error of the worst robot whose gains differ, to first order.
 
     Args:
-        share: Share by which the gains of each joint differ, up or down.
+        shares: Share by which each gain differs in each joint, up or down, by the gain's name.
+        measured: True if the shares are the measured spread of the servo.
         max: Largest contour error of the worst such robot [m]; an estimate, not a bound.
         t_max: Its time [s].
         signs: Signs of the deviations of that robot's gains, (gains, dof).
         saturates: True if a joint saturates in one of the simulations.
     """
 
-    share: float
+    shares: Mapping[str, float]
+    measured: bool
     max: float
     t_max: float
     signs: FloatArray
     saturates: bool
 
+    @property
+    def words(self) -> str:
+        """By how much the gains differ, such as "gains 1 % off"."""
+        if not self.measured:
+            return f"gains {number(UNKNOWN_SHARE, '1')} off"
+        listed = ", ".join(f"{name} {number(x, '1')}" for name, x in self.shares.items())
+        return f"gains off by {listed}"
+
 
 def worst_with_other_gains(
-    executed: Execution, others: Sequence[Execution], error: ErrorProfile
+    executed: Execution,
+    others: Sequence[Execution],
+    error: ErrorProfile,
+    shares: Mapping[str, float],
+    measured: bool,
 ) -> UnknownGains | None:
     """Estimate the contour error of the worst robot with other gains.
 
@@ -67,8 +83,10 @@ def worst_with_other_gains(
     Args:
         executed: The execution by the known servo.
         others: Executions of the same set-points, at common times; in each, one gain of all joints
-            is larger by UNKNOWN_SHARE.
+            is larger by its share.
         error: Contour error of `executed`.
+        shares: As in `UnknownGains`, in the order of `others`.
+        measured: As in `UnknownGains`.
     """
     times = others[0].t
     # Before, between and after the contours, there is no contour error.
@@ -87,7 +105,8 @@ def worst_with_other_gains(
     k = int(worst.argmax())
     signs = np.where(directions[k] @ moved[k] < 0.0, -1.0, 1.0)
     return UnknownGains(
-        share=UNKNOWN_SHARE,
+        shares=shares,
+        measured=measured,
         max=float(worst[k]),
         t_max=float(t[k]),
         signs=signs.reshape(len(others), -1),

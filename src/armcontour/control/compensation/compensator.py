@@ -119,6 +119,7 @@ def unchecked_set_points(
     truncated = None
     if options.compensates and has_transient(model):
         q, truncated = invert_feedforward(q, interval, model, duration)
+    prismatic = None if arm is None else arm.chain.prismatic
     set_points = SetPoints(
         cycle=interval,
         q=q,
@@ -127,6 +128,7 @@ def unchecked_set_points(
         start_time=start,
         truncated=truncated,
         rule=rule,
+        servo_text=model.describe_with_source(prismatic) if options.compensates else "",
     )
     if not options.compensates:
         return set_points

@@ -21,11 +21,12 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
-from armcontour.core.text import count_noun, list_some, short_repr
+from armcontour.core.source_file import writing_time
+from armcontour.core.text import count_noun, list_some, short_repr, shorten
 from armcontour.motion.log import Log, arrange_joints, match_joints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import TRUSTED
+from armcontour.robot.servo.model import LONGEST_SOURCE, TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
 # Explanation of the contour error ratio in the summary.
@@ -336,8 +337,17 @@ class Identification(Result, Frozen):
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
             program_ratio=float(f"{self.judgement.program_ratio:.3g}"),
             programs=self.judgement.programs,
+            source=self._servo_source(assumed is not None),
             **parameters,
         )
+
+    def _servo_source(self, keeps_assumed: bool) -> str:
+        """Write when and from which logs a servo was identified, and which joints are assumed."""
+        logs = list_some(list(dict.fromkeys(x.source for x in self.logs)), MAX_NAMES)
+        source = f"identified on {writing_time():%Y-%m-%d} from {logs}"
+        if keeps_assumed and self.resting:
+            source += f"; {list_some(self.resting, MAX_NAMES)} assumed"
+        return shorten(source, LONGEST_SOURCE)
 
     def _keep_assumed(
         self, assumed: ServoModel, parameters: dict[str, list[float]], orders: list[str]

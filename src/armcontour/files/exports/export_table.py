@@ -85,6 +85,7 @@ class SetPointTable(Checked):
     Args:
         name: Name of the program, one line of text.
         origin: When and of what the table was made, one line of text for a comment; empty: none.
+        servo: The servo that the set-points compensate, one line of text; empty: none.
         joint_names: Names of the joints.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
         external: Indices of external axes; by default of the prismatic joints.
@@ -120,6 +121,7 @@ class SetPointTable(Checked):
     prismatic: tuple[bool, ...] = ()
     external: tuple[int, ...] = ()
     origin: str = ""
+    servo: str = ""
 
     def _check_together(self) -> None:
         """Complete the defaults, and check that the fields fit together."""
@@ -168,8 +170,9 @@ class SetPointTable(Checked):
             if kind != "name":
                 # The name of the table is by default that of a file, which may be longer.
                 checks.check_name(kind, text)
-        if not isinstance(self.origin, str) or not self.origin.isprintable():
-            raise InvalidInput(f"An origin must be one line of text, but is {self.origin!r}.")
+        for kind, text in (("origin", self.origin), ("servo", self.servo)):
+            if not isinstance(text, str) or not text.isprintable():
+                raise InvalidInput(f"The {kind} must be one line of text, but is {text!r}.")
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
         if repeated:
             raise InvalidInput(f"Joint names must be unique, but {min(repeated)!r} is repeated.")
@@ -292,6 +295,7 @@ def make_table(
         analog={key: values(samples.t + start) for key, values in (analog or {}).items()},
         analog_off=_values_off(analog or {}) if plan.waits else {},
         rule=data.rule if isinstance(data, SetPoints) else None,
+        servo=data.servo_text if isinstance(data, SetPoints) else "",
     )
 
 

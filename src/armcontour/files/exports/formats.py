@@ -38,12 +38,8 @@ from armcontour.files.exports.template import (
 )
 from armcontour.files.exports.urscript import JOINTS, write_urscript
 from armcontour.jobs.job import Exports, PointTolerance
-<<<<<<< HEAD
-from armcontour.motion import Execution, SetPoints, Trajectory
-from armcontour.motion.set_point_rule import ACCELERATION
-=======
 from armcontour.motion import Execution, Servoj, SetPoints, Trajectory
->>>>>>> facts
+from armcontour.motion.set_point_rule import ACCELERATION
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Arm
 

@@ -283,6 +283,7 @@ def _variables(
     return {
         "name": table.name,
         "origin": table.origin,
+        "servo": table.servo,
         "file": file,
         "joint_names": table.joint_names,
         "arm_joints": tuple(x for k, x in enumerate(table.joint_names) if k not in table.external),

@@ -52,7 +52,7 @@ SAME_LEVEL = 5e-5
 PROGRAM_HEAD = """\
 def {program}():
   # {title}: {count} set-points, every {cycle} s, for {duration} s
-{origin}  # Joint positions in rad: {joints}
+{origin}{servo}  # Joint positions in rad: {joints}
   # Set the speed slider to 100 %, so that the robot follows the times of the set-points.
   # Parameters of the servo: use the values with which its model was identified.
   lookahead = {servoj.lookahead:.12g}
@@ -107,6 +107,7 @@ def write_urscript(
         program=program,
         title=table.name,
         origin=f"  # {table.origin}\n" if table.origin else "",
+        servo=f"  # Compensated: {table.servo}\n" if table.servo else "",
         count=len(table.q),
         cycle=cycle,
         duration=f"{table.duration:.12g}",

@@ -92,18 +92,17 @@ def _assumed(job_result: JobResult) -> str:
     servo = job_result.job.plant_servo
     if servo.order == "unknown":
         return "Errors are deviations of the executed tool position from the path."
-    described = servo.describe(job_result.job.arm.chain.prismatic)
+    described = servo.describe_with_source(job_result.job.arm.chain.prismatic)
     estimates = [x.unknown_gains for x in job_result.runs.values() if x.unknown_gains is not None]
     largest = max(estimates, key=lambda x: x.max, default=None)
     how_large = ""
     if largest is not None:
         bound = "at least" if largest.saturates else "up to"
         how_large = (
-            f": {bound} {number(largest.max, 'm')} if those of each joint differ by "
-            f"{number(largest.share, '1')} (estimate)"
+            f": {bound} {number(largest.max, 'm')} (estimate; {largest.words} in each joint)"
         )
     return (
-        f"The servos are simulated with {described} and with their acceleration limits. Contour "
+        f"The simulation uses an acceleration limit for each joint and the {described}. Contour "
         f"errors are larger on a robot with other gains{how_large}."
     )
 

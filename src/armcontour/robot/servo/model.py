@@ -13,10 +13,12 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.fields import Checked, checked, declared
+from armcontour.core.lazy import load_method
 from armcontour.core.quantities import (
     DEAD_TIME,
     AtLeast,
     Choice,
+    Named,
     OwnAccelerations,
     Quantity,
     list_values,
@@ -55,6 +57,8 @@ EXCEEDED = 1.02
 MAX_FREQUENCY_RATIO = 13.0
 # A joint moves if its largest velocity is at least this fraction of the fastest joint's.
 MOVING_SHARE = 0.1
+# Maximum length of the text about where a servo comes from [characters].
+LONGEST_SOURCE = 300
 # Parameters with one value per joint.
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
@@ -64,6 +68,7 @@ PER_JOINT = (
 
 Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
 FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MAX_FEEDFORWARD))]
+Spread = Annotated[float, Quantity("1", "2 %", "share")]
 AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
 
 
@@ -154,6 +159,11 @@ class ServoModel(Checked):
             log, such as programs in contrast to multisines; None if it is not known. Then
             `contour_ratio` replaces it.
         programs: Number of programs on which contour_ratio was determined; None if it is not known.
+        kp_spread: Relative standard deviation of kp between joints and robots, as measured; None if
+            it is not known.
+        kv_spread: The same for kv.
+        source: Where the values come from, in one line, such as "identified on 2026-11-30 from
+            A.csv"; empty for assumed values.
 
     Raises:
         InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
@@ -184,6 +194,9 @@ class ServoModel(Checked):
     contour_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
     program_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
     programs: Annotated[int, AtLeast(1, 10**9)] | None
+    kp_spread: Spread | None
+    kv_spread: Spread | None
+    source: Annotated[str, Named(LONGEST_SOURCE)]
 
     def __init__(
         self,
@@ -208,6 +221,9 @@ class ServoModel(Checked):
         contour_ratio: float | None = None,
         program_ratio: float | None = None,
         programs: int | None = None,
+        kp_spread: float | None = None,
+        kv_spread: float | None = None,
+        source: str = "",
     ) -> None:
         arguments = locals()
         for parameter in fields(self):
@@ -250,6 +266,22 @@ class ServoModel(Checked):
         if self.kv is not None:
             object.__setattr__(self, "kv", _check_gain("kv", self.kv, second, same))
 
+    @classmethod
+    def preset(cls, name: str) -> ServoModel:
+        """Load the measured servo of a controller by its name.
+
+        >>> print(ac.ServoModel.preset("ur5e-servoj"))
+        kp 9.72 1/s, kv 28.8 1/s
+
+        Args:
+            name: Name of the servo; a job loads it with `servo: ur5e-servoj`.
+
+        Raises:
+            InvalidInput: No servo has this name; the message lists the names.
+        """
+        servo: ServoModel = load_method("servo_preset")(name)
+        return servo
+
     def __str__(self) -> str:
         """Write gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
         return self.describe(())
@@ -278,6 +310,22 @@ class ServoModel(Checked):
             parts.append(f"{words} {list_values(texts, unit, slides)}")
         return ", ".join(parts)
 
+    @checked
+    def describe_with_source(self, prismatic: Sequence[bool] | None) -> str:
+        """Return the text of the servo, and whether it is assumed or where it comes from.
+
+        >>> ac.ServoModel(kp=25.0, kv=150.0).describe_with_source(None)
+        'assumed servo: kp 25 1/s, kv 150 1/s'
+
+        Args:
+            prismatic: As in `describe`.
+
+        Raises:
+            InvalidInput: As in `describe`.
+        """
+        owner = f"servo ({self.source})" if self.source else "assumed servo"
+        return f"{owner}: {self.describe(prismatic)}"
+
     def for_joints(self, dof: int) -> ServoModel:
         """Return the servo with one value per joint for each parameter that may vary by joint.
 
@@ -291,6 +339,11 @@ class ServoModel(Checked):
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self
+        if self.source and self.kp.ndim and self.kp.size != dof:
+            raise ArmMismatch(
+                f"The servo ({self.source}) has {self.kp.size} joints, but the arm has {dof}. Use "
+                "a servo of this arm, or gains such as {kp: 25 1/s, kv: 150 1/s}."
+            )
         changes: dict[str, Any] = {}
         for name in PER_JOINT:
             values = getattr(self, name)

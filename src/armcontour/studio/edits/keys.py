@@ -82,6 +82,9 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         if stays or not isinstance(outer, Mapping) or set(outer) != {keys[-1]}:
             break
         keys = keys[:-1]
+    if keys[0] == "servo":
+        # The servo then is not the one of its source.
+        return resolve_patch(state.data, {keys: REMOVE})
     return [Change(keys)]
 
 
