@@ -104,9 +104,10 @@ class JobResult(Explained, Pictured):
         return rows.job_data(self.job, self.simulated, self.figures, warnings, parts)
 
     def __str__(self) -> str:
-        """Write a table with a row for every run."""
+        """Write a table with a row for every run, and what the result does not prove."""
         data = self.to_data()
-        return lay_out(data.title, compare(data.parts["runs"].parts))
+        table = lay_out(data.title, compare(data.parts["runs"].parts))
+        return f"{table}\n{data.not_proven}"
 
     __repr__ = short_repr
 
