@@ -158,7 +158,7 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     )
     file_access.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
     lines = [
-        *table_lines(cells, f"{result.title}, {AS_MODELLED}: {counts}", names=1 + len(over)),
+        *table_lines(cells, f"{result.title}: {counts}; {AS_MODELLED}", names=1 + len(over)),
         *result.errors(),
         f"Table: {out / batches.TABLE}",
         report_line(out),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -15,7 +16,7 @@ import numpy as np
 
 from armcontour.core.guesses import Explained
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
-from armcontour.core.text import format_table
+from armcontour.core.text import LINE_WIDTH, format_table
 
 # The page of the Studio also reads this file.
 PALETTE_FILE = FilePath(__file__).with_name("palette.json")
@@ -297,5 +298,5 @@ class Result(Explained):
         """Write values, warnings and what the result does not prove as lines."""
         data = self.to_data()
         warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
-        lines = (text(replace(data, rows=(*data.rows, *warnings))), data.not_proven)
-        return "\n".join(filter(None, lines))
+        rows = text(replace(data, rows=(*data.rows, *warnings)))
+        return "\n".join([rows, *textwrap.wrap(data.not_proven, LINE_WIDTH)])
