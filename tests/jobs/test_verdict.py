@@ -124,7 +124,8 @@ def test_the_accuracy_limits_the_distance_of_the_tool_from_the_drawing(runs, nam
         data = run.to_data()
         assert plain(data)["kept"] is within and plain(data)["off_drawing"] == deviation
         (shown,) = (x for x in render.frame(data) if x["name"] == "kept")
-        assert (shown["value"], shown["text"]) == (within, "kept" if within else "NOT KEPT")
+        word = "kept" if within else "NOT KEPT"
+        assert (shown["value"], shown["text"]) == (within, f"{word}, as modelled")
         assert render.verdict(data).startswith(f"Run {name}: {shown['text']} (")
 
 

@@ -74,13 +74,16 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
             f"There is no limit to check, because the arm {arm.name} has no limits. Specify limits "
             "with --limits."
         )
-    lines = [*data_lines(result.to_data()), *_remarks(samples, arm, result, clearance, options)]
+    data = result.to_data()
+    lines = data_lines(replace(data, not_proven=""))
+    lines += _remarks(samples, arm, result, clearance, options)
     verdicts = [result.verdict]
     if commands is not None:
         lines += data_lines(commands.to_data())
         verdicts.append(commands.verdict)
     if clearance is not None and not clearance.satisfied:
         verdicts.append("violated")
+    lines += filter(None, [data.not_proven])
     page = _page(samples, result, clearance, commands)
     return Outcome(lines=lines, page=page, code=EXIT_CODES[max(verdicts, key=VERDICTS.index)])
 

@@ -38,10 +38,10 @@ def print_lines(*texts: str, err: bool = False) -> None:
 
 
 def data_lines(data: Data) -> list[str]:
-    """Return the values, tables and notes of a result as lines."""
+    """Return the values, tables and notes of a result as lines, and what it does not prove."""
     from armcontour.core.render import text
 
-    return [*text(data).splitlines(), *data.notes]
+    return [*text(data).splitlines(), *data.notes, *filter(None, [data.not_proven])]
 
 
 def table_lines(

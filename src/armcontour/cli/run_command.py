@@ -138,4 +138,5 @@ def _result_lines(job_result: jobs.JobResult) -> Sequence[str]:
     has_experiment = any(x.run.experiment is not None for x in job_result.runs.values())
     if has_experiment and (assumed := job.arm.chain.assumed):
         lines.append(f"Masses: {assumed}")
-    return [*lines, *unknown_notes(job_result.runs.values())]
+    lines += unknown_notes(job_result.runs.values())
+    return [*lines, next(iter(runs.values())).not_proven]

@@ -33,6 +33,7 @@ from armcontour.core.render import compare, plain, text
 from armcontour.core.result import TABLE
 from armcontour.core.source_file import SourceFile
 from armcontour.core.text import Keys
+from armcontour.core.validity import AS_MODELLED
 from armcontour.files import batch as batches
 from armcontour.files.certificate_and_placement_files import certificate_page
 from armcontour.files.job_file import drawing_text, job_text
@@ -157,7 +158,7 @@ def batch(options: Batch, _: None, progress: Progress) -> Outcome:
     )
     file_access.write_atomically(out / REPORT, lambda x: x.write_text(page, encoding="utf-8"))
     lines = [
-        *table_lines(cells, f"{result.title}: {counts}", names=1 + len(over)),
+        *table_lines(cells, f"{result.title}: {counts}; {AS_MODELLED}", names=1 + len(over)),
         *result.errors(),
         f"Table: {out / batches.TABLE}",
         report_line(out),
@@ -212,6 +213,7 @@ def certify(options: Certify, folder: files.ResultFolder | None, progress: Progr
         *certificate.result.remarks,
         *(f"Warning: {x}" for x in data.warnings),
         *(f"Note: {x}" for x in certificate.job.arm.notes),
+        data.not_proven,
     ]
     code = int(not certificate.kept)
     return Outcome(lines=lines, page=certificate_page(certificate), code=code)

@@ -41,6 +41,7 @@ from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
 from armcontour.core.sampled_data import differences, interpolate
 from armcontour.core.text import list_some
+from armcontour.core.validity import AS_MODELLED, AT_ENCODERS, OF_LOGS, OF_SIMULATION
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.rows import reason_of
@@ -252,7 +253,7 @@ class Played(Result):
     def _verdict_rows(self) -> Iterator[Row]:
         """Yield the row of the verdict, if the motion was judged."""
         if self.kept is not None:
-            yield Row("kept", self.kept, JUDGED, "verdict", self.reason, VERDICT)
+            yield Row("kept", self.kept, JUDGED, "verdict", self.reason, VERDICT, holds=AT_ENCODERS)
 
     def _resume_rows(self) -> Iterator[Row]:
         """Yield the option that resumes a stopped job, and its value, if the motion was stopped."""
@@ -317,7 +318,12 @@ class Played(Result):
             )
         if not self.executed and self.outputs_note:
             notes = (*notes, self.outputs_note)
-        return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
+        return Data(
+            f"Run {self.plan.run.name} on {self.controller}",
+            tuple(rows),
+            notes=notes,
+            not_proven=OF_LOGS if self.executed else OF_SIMULATION,
+        )
 
 
 @checked
@@ -896,7 +902,7 @@ def judge_motion(played: Played, band: float | None) -> Played:
         t = record.plan_time + SAMPLE_SEPARATION * record.t
         errors = Errors.of_pieces(measured_pieces(played.job, planned, t, record.measured))
         largest = max(errors.contour)
-        note = f"simulated {number(planned.judged.contour_error.max, 'm')}"
+        note = f"{AS_MODELLED} {number(planned.judged.contour_error.max, 'm')}"
         rows.append(Row("contour_error.max", largest, "m", "contour error", note, FIRST))
         verdict = planned.judge({"measured": errors})
         fault = difference.rest_fault()

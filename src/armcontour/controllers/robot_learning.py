@@ -26,6 +26,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, Reserve
 from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.core.validity import OF_LOGS, OF_SIMULATION
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_learning import LearnedRun, learn_logs
 from armcontour.jobs.run_result import RunResult
@@ -125,7 +126,12 @@ class RobotLearning(Result):
         notes: tuple[str, ...] = ()
         if played is not None and not played.executed and played.outputs_note:
             notes = (played.outputs_note,)
-        return Data(f"Learning of run {self.plan.run.name}", tuple(rows), notes=notes)
+        return Data(
+            f"Learning of run {self.plan.run.name}",
+            tuple(rows),
+            notes=notes,
+            not_proven=OF_LOGS if count else OF_SIMULATION,
+        )
 
 
 def start_learning(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -15,7 +16,7 @@ import numpy as np
 
 from armcontour.core.guesses import Explained
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
-from armcontour.core.text import format_table
+from armcontour.core.text import LINE_WIDTH, format_table
 
 # The page of the Studio also reads this file.
 PALETTE_FILE = FilePath(__file__).with_name("palette.json")
@@ -43,7 +44,7 @@ SIX_DECIMALS_BELOW = 1e-3
 # Smaller numbers are written without an exponent.
 SHORTEST_EXPONENT = 1e15
 # Widest value that counts for the column in which notes begin [characters].
-WIDEST_FIGURE = 16
+WIDEST_FIGURE = 21
 # Widest line of a table [characters].
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
@@ -130,7 +131,7 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
 
 
 def figure(row: Row) -> str:
-    """Write the value of a row with its unit.
+    """Write the value of a row with its unit, and for what it holds.
 
     If joints have different units, write the largest value of each unit.
     """
@@ -138,12 +139,17 @@ def figure(row: Row) -> str:
         return moment(row.value, row.decimals)
     units = row.unit.split(", ")
     if len(units) == 1 or row.value is None:
-        return number(row.figure, row.unit)
+        return with_validity(number(row.figure, row.unit), row)
     values = row.value.values() if isinstance(row.value, Mapping) else row.value
     largest: dict[str, float] = {}
     for value, unit in zip(values, units, strict=True):
         largest[unit] = max(largest.get(unit, value), value)
     return ", ".join(number(x, unit) for unit, x in largest.items())
+
+
+def with_validity(words: str, row: Row) -> str:
+    """Return the words of a row's value with what they hold for, as in "kept, as modelled"."""
+    return f"{words}, {row.holds}" if row.holds else words
 
 
 def text(data: Data, level: int = TABLE) -> str:
@@ -195,7 +201,7 @@ def compare(
     rows = {}
     for name, data in results.items():
         compared = (x for x in data.shown(level) if texts or not isinstance(x.value, str))
-        rows[name] = {x.label: figure(x) for x in compared}
+        rows[name] = {x.heading: figure(replace(x, holds="")) for x in compared}
     # The result with the most values determines the order of the columns.
     longest = sorted(rows.values(), key=len, reverse=True)
     labels = list(dict.fromkeys(chain.from_iterable(longest)))
@@ -271,7 +277,7 @@ def frame(data: Data) -> list[dict[str, Any]]:
                 "name": row.name,
                 "label": row.label,
                 "value": row.figure,
-                "text": digits_shown,
+                "text": with_validity(digits_shown, row),
                 "unit": unit,
             }
             | ({"note": SHORTER_LENGTH.sub(SMALLEST_LENGTH_TEXT, row.note)} if row.note else {})
@@ -289,7 +295,8 @@ class Result(Explained):
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """Write values and warnings as lines."""
+        """Write values, warnings and what the result does not prove as lines."""
         data = self.to_data()
         warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
-        return text(replace(data, rows=(*data.rows, *warnings)))
+        rows = text(replace(data, rows=(*data.rows, *warnings)))
+        return "\n".join([rows, *textwrap.wrap(data.not_proven, LINE_WIDTH)])

@@ -29,6 +29,7 @@ class Row:
         note: Further information, such as the time or the joint.
         level: Where the value is shown: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
         decimals: Decimals of a displayed time in s; None for three significant digits.
+        holds: For what the value holds, such as "as modelled"; empty if its table says it.
     """
 
     name: str
@@ -38,6 +39,12 @@ class Row:
     note: str = ""
     level: int = TABLE
     decimals: int | None = None
+    holds: str = ""
+
+    @property
+    def heading(self) -> str:
+        """The label as the head of a column, with that for which the values hold."""
+        return ", ".join(filter(None, (self.label, self.holds)))
 
     @property
     def figure(self) -> Any:
@@ -127,6 +134,7 @@ class Data:
         parts: Partial results, by their keys in JSON.
         notes: Sentences that explain values.
         warnings: Sentences on limitations, the most severe first.
+        not_proven: Sentence that ends the result: what it does not prove; empty for a part.
     """
 
     title: str
@@ -135,6 +143,7 @@ class Data:
     parts: Mapping[str, Data] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    not_proven: str = ""
 
     def __getitem__(self, name: str) -> Row:
         """Return the row with this name; "part.row" is the name of a row in a part."""

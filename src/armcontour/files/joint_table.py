@@ -159,6 +159,8 @@ class TrajectoryFile(Frozen):
     lines: IntArray | None = None  # Line of each sample in the file, (n,); None in YAML
     # True for the points of a JointTrajectory, which have any distance; false for samples
     is_plan: bool = False
+    # True for measured positions of a bag, or of a file that also has the commands
+    is_log: bool = False
 
     @property
     def straight(self) -> Trajectory:

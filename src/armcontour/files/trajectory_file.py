@@ -246,8 +246,9 @@ def read_trajectory(
         joint_names = checks.check_names("joint_names", joint_names)
         table, notes = read_bag(location, joint_names, topic=topic, columns=columns)
         motion = _read_motion(table, joint_names)
+        is_log = any(x.role == "measured" for x in table.columns)
         # The rows of a bag are not lines.
-        return replace(motion, notes=(*notes, *motion.notes), lines=None)
+        return replace(motion, notes=(*notes, *motion.notes), lines=None, is_log=is_log)
     if location.suffix.lower() in YAML:
         return read_ros_motion(location, joint_names, columns)
     text = read_csv_text(file, "trajectory file")
@@ -317,6 +318,7 @@ def _read_motion(table: CsvTable[JointColumn], joint_names: Sequence[str]) -> Tr
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *unused),
         notes=(*notes, *samples.notes),
         lines=samples.lines,
+        is_log={"measured", "command"} <= {x.role for x in table.columns if x.kind == "q"},
     )
 
 

@@ -14,6 +14,7 @@ from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain, units_by_name
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, joint_label, list_some
+from armcontour.core.validity import AS_MODELLED, OF_PLAN, OF_SIMULATION
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.geometry.shaped_path import SHAPED
 from armcontour.jobs.job import Job, Run
@@ -77,6 +78,7 @@ def job_data(
         ),
         parts={"runs": Data("Runs", parts=runs), **parts},
         warnings=tuple(warnings),
+        not_proven=OF_SIMULATION if simulated else OF_PLAN,
     )
 
 
@@ -118,6 +120,7 @@ def run_data(
         parts,
         notes=remarks,
         warnings=warnings,
+        not_proven=OF_PLAN if result.execution is None else OF_SIMULATION,
     )
 
 
@@ -138,7 +141,7 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
     reason = reason_of(run, verdict)
     if compare_limits(run.limits, result.arm):
         reason = "; ".join(filter(None, [reason, "limits of the job are above the arm's"]))
-    yield Row("kept", verdict.kept, JUDGED, "verdict", reason, VERDICT)
+    yield Row("kept", verdict.kept, JUDGED, "verdict", reason, VERDICT, holds=AS_MODELLED)
     if verdict.errors:
         yield worst_contour(run, verdict)
         yield Row("judged_by", tuple(verdict.errors))

@@ -13,6 +13,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import Data, Row
+from armcontour.core.validity import AT_ENCODERS
 from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.run_job import run
 from armcontour.jobs.run_result import JobResult, RunResult
@@ -47,7 +48,8 @@ class LearnedRun:
         name = self.plan.run.name
         data = self.lesson.to_data()
         rows = (Row("run", name), *data.rows, Row("notes", self.notes))
-        return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
+        title = f"Run {name}, errors {AT_ENCODERS}"
+        return replace(data, title=title, rows=rows, notes=tuple(self.notes))
 
     def errors(self, k: int) -> tuple[float, float]:
         """Return the RMS and the largest error of the tool in run k [m], counted from 0.
@@ -91,7 +93,7 @@ class LearnedRun:
         """Sentence about the next step: learning is finished, or another run is useful."""
         lesson = self.lesson
         best = f"run {self.lesson.best + 1}"
-        error = f"{number(lesson.remaining, 'm')} RMS"
+        error = f"{number(lesson.remaining, 'm')} RMS {AT_ENCODERS}"
         if lesson.noise is not None:
             error += f", and runs of equal set-points differ by {number(lesson.noise, 'm')} RMS"
         if lesson.finished:

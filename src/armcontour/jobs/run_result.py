@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,7 @@ from armcontour.core.guesses import Explained
 from armcontour.core.pictures import Pictured
 from armcontour.core.render import Result, compare, lay_out
 from armcontour.core.result import Data
-from armcontour.core.text import short_repr
+from armcontour.core.text import LINE_WIDTH, short_repr
 from armcontour.jobs import rows, run_notes
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_record import RunRecord
@@ -105,9 +106,10 @@ class JobResult(Explained, Pictured):
         return rows.job_data(self.job, self.simulated, self.figures, warnings, parts)
 
     def __str__(self) -> str:
-        """Write a table with a row for every run."""
+        """Write a table with a row for every run, and what the result does not prove."""
         data = self.to_data()
-        return lay_out(data.title, compare(data.parts["runs"].parts))
+        table = lay_out(data.title, compare(data.parts["runs"].parts))
+        return "\n".join([table, *textwrap.wrap(data.not_proven, LINE_WIDTH)])
 
     __repr__ = short_repr
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from armcontour.core.render import VERDICTS, number, scale
 from armcontour.core.result import Data
+from armcontour.core.validity import AS_MODELLED
 from armcontour.report.figure import render, render_page
 from armcontour.report.origin import Origin
 from armcontour.report.plan_drawing import Drawing, SymbolEntry
@@ -117,10 +118,11 @@ def _summary(entries: Sequence[BatchEntry]) -> str:
     judged = [x for x in entries if x.verdict != "not judged"]
     kept = [x for x in judged if x.verdict == "kept"]
     if not kept:
-        return f"None of {len(judged)} runs is kept." if judged else ""
+        return f"None of {len(judged)} runs is kept, {AS_MODELLED}." if judged else ""
     best = min(kept, key=lambda x: x.value("duration") or np.inf)
-    words = f"{len(kept)} of {len(judged)} runs are kept. The fastest of them is job {best.name}"
-    return f"{words}: {number(best.value('duration'), 's')}, {best.values}."
+    words = f"{len(kept)} of {len(judged)} runs are kept, {AS_MODELLED}."
+    duration = number(best.value("duration"), "s")
+    return f"{words} The fastest of them is job {best.name}: {duration}, {best.values}."
 
 
 def people_name(key: str) -> str:

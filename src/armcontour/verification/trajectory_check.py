@@ -20,6 +20,7 @@ from armcontour.core.render import Result, moment, number
 from armcontour.core.result import VERDICT, Data, Row, Table, with_decimals
 from armcontour.core.sampled_data import subdivide
 from armcontour.core.text import count_noun, short_repr
+from armcontour.core.validity import AT_ENCODERS, OF_LOGS
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory, arm_of
 from armcontour.motion.log import match_joints
@@ -95,6 +96,7 @@ class Check(Result):
         path_deviation: Largest distance from the path; None without a path.
         rounding: Assumed bound on the error of "t", "q", "dq", "ddq" [SI].
         gaps: Intervals in which samples are missing.
+        is_log: True if the positions were measured by a robot.
         time_decimals: Decimals of displayed times, with which all samples have different times;
             None for a law.
     """
@@ -112,6 +114,7 @@ class Check(Result):
     path_deviation: PathDeviation | None
     rounding: Mapping[str, float]
     gaps: tuple[SampleGap, ...] = ()
+    is_log: bool = False
     time_decimals: int | None = None
 
     __repr__ = short_repr
@@ -120,6 +123,7 @@ class Check(Result):
         """Return the verdict, the distance from the path, and the use of every limit."""
         worst = self.worst
         deviation = self.path_deviation
+        holds = AT_ENCODERS if self.is_log else ""
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         if unknown := ", ".join(x for x in self.not_judged if x in LIMIT_UNITS):
             note = "; ".join(filter(None, [f"not judged: {unknown}", note]))
@@ -147,7 +151,7 @@ class Check(Result):
             "Check",
             (
                 Row("kept", {KEPT: True, VIOLATED: False}.get(self.verdict)),
-                Row("verdict", self.verdict, "", "verdict", note, VERDICT),
+                Row("verdict", self.verdict, "", "verdict", note, VERDICT, holds=holds),
                 Row("worst", None if worst is None else worst.name),
                 *distance,
                 Row("states", self.states, "", "times", times),
@@ -168,6 +172,7 @@ class Check(Result):
                 ),
             ),
             notes=tuple(self._notes()),
+            not_proven=OF_LOGS if self.is_log else "",
         )
 
     def _notes(self) -> Iterator[str]:
@@ -390,6 +395,7 @@ def check(
         path_deviation=farthest,
         rounding=whole.rounding,
         gaps=whole.gaps,
+        is_log=getattr(samples, "is_log", False),
         time_decimals=whole.time_decimals,
     )
 

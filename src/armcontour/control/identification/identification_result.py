@@ -23,6 +23,7 @@ from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
 from armcontour.core.source_file import writing_time
 from armcontour.core.text import count_noun, list_some, short_repr, shorten
+from armcontour.core.validity import AT_ENCODERS
 from armcontour.motion.log import Log, arrange_joints, match_joints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -31,8 +32,8 @@ from armcontour.robot.servo.simulation import JointServo
 
 # Explanation of the contour error ratio in the summary.
 RATIO_NOTE = (
-    "of the error without compensation, on motion that was not fitted; trusted up to "
-    f"{number(TRUSTED, '1')}"
+    f"of the error without compensation, {AT_ENCODERS}, on motion that was not fitted; trusted up "
+    f"to {number(TRUSTED, '1')}"
 )
 # Maximum number of joints that a sentence names.
 MAX_NAMES = 4

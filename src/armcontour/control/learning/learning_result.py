@@ -19,6 +19,7 @@ from armcontour.core.quantities import Axes, Quantity, shared_unit
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
+from armcontour.core.validity import AT_ENCODERS, OF_LOGS
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.log import regularize_times, replace_repeated_positions
 from armcontour.motion.log_checks import check_gaps
@@ -282,7 +283,7 @@ class LearningResult(Result, SetPoints):
         """Return the verdict and the errors of the runs as data."""
         best = f"run {self.best + 1}"
         return Data(
-            f"Learning from {count_noun(len(self.runs), 'run')}: "
+            f"Learning from {count_noun(len(self.runs), 'run')}, errors {AT_ENCODERS}: "
             f"{count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}",
             (
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
@@ -297,6 +298,7 @@ class LearningResult(Result, SetPoints):
             ),
             (Table.from_results("runs", [x.to_data() for x in self.runs]),),
             notes=self.runs[-1].notes,
+            not_proven=OF_LOGS,
         )  # fmt: skip
 
     __repr__ = short_repr

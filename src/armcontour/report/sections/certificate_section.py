@@ -41,18 +41,19 @@ def certified(
     verdict = data["kept"]
     doubts = [x for x in data.warnings if x not in certificate.result.path.notes]
     sentences = [
-        ("Valid for", f"{model}. It does not cover collisions and flexibility."),
+        ("Valid for", f"{model}."),
         ("What the certificate costs", f"{figure(rows['cost'])}, {rows['cost'].note}."),
         ("Weakest point", (*doubts, *data.notes, "None known.")[0]),
     ]  # fmt: skip
     if set_points is not None:
         words = f"{set_points.name} with SHA-256 {set_points.fingerprint}…"
         sentences.append(("Certified set-points", words))
+    sentences.append(("", data.not_proven))
     shown = next(iter(job_result.runs.values()))
     drawing = draw_plan(shown, job_result.job)
     words = "Certified" if verdict.value else "Not certified"
     return Front(
-        verdict=f"{words}: {figure(deviation)} {deviation.label}; {verdict.note}.",
+        verdict=f"{words}, {verdict.holds}: {figure(deviation)} {deviation.label}; {verdict.note}.",
         good=verdict.value,
         tiles=(*tiles(data, places=drawing.places), *_clearance_tile(shown, drawing)),
         drawing=drawing,

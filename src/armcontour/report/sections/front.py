@@ -83,6 +83,7 @@ def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, 
         rest = f" {len(warnings) - 1} more under Warnings and notes." if len(warnings) > 1 else ""
         yield "Weakest point", f"{capitalise(warnings[0])}{rest}"
     yield "Assumed", _assumed(job_result)
+    yield "", job_result.figures[result.run.name].not_proven
 
 
 def _assumed(job_result: JobResult) -> str:

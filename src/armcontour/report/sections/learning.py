@@ -8,6 +8,7 @@ import numpy as np
 
 from armcontour.core.render import LINES, number
 from armcontour.core.result import FIRST
+from armcontour.core.validity import AT_ENCODERS
 from armcontour.report.figure import Curve, Figure, Plot
 from armcontour.report.moving_arm import draw_arm
 from armcontour.report.plan_drawing import draw_plan
@@ -32,7 +33,10 @@ def learned(learned_run: LearnedRun) -> Front:
         drawing=draw_plan(learned_run.plan, learned_run.job),
         arm=draw_arm(learned_run.plan, learned_run.job),
         parts=(_over_runs(learned_run),),
-        sentences=(("Definition of the error", _introduction(learned_run)),),
+        sentences=(
+            ("Definition of the error", _introduction(learned_run)),
+            ("", data.not_proven),
+        ),
     )
 
 
@@ -54,9 +58,8 @@ def _introduction(learned_run: LearnedRun) -> str:
     if not learned_run.has_path:
         error = "distance of the tool from its planned position"
     return (
-        f"The error is the {error} according to the logs of the robot, without measurement noise. "
-        "Each run executes the set-points learned from the previous runs. The error does not "
-        "include deviations that the encoders do not measure, such as bending of links."
+        f"The error is the {error} {AT_ENCODERS}, from the logs of the robot, without measurement "
+        "noise. Each run executes the set-points learned from the previous runs."
     )
 
 
@@ -97,4 +100,4 @@ def _over_time(learned_run: LearnedRun) -> Figure:
         y = profile.values * 1e3
         curves.append(Curve(x=profile.t, y=y, name=label, colour=colour, width=1.5))
     plot = Plot(label="contour error [mm]", curves=tuple(curves), height=HEIGHT)
-    return Figure(title="Contour error as measured, over time", plots=(scale_errors(plot),))
+    return Figure(title=f"Contour error {AT_ENCODERS}, over time", plots=(scale_errors(plot),))

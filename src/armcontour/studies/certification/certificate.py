@@ -12,6 +12,7 @@ from armcontour.core.pictures import Pictured
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, joint_label, short_repr
+from armcontour.core.validity import AS_MODELLED, OF_CERTIFICATE
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job
@@ -276,6 +277,7 @@ class Certificate(Result, Pictured):
             (contours,),
             notes=self.notes,
             warnings=self.warnings,
+            not_proven=OF_CERTIFICATE,
         )
 
     __repr__ = short_repr
@@ -300,7 +302,7 @@ class Certificate(Result, Pictured):
         ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)
         yield replace(row, note=row.note + self._on(worst))
         note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
-        yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
+        yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT, holds=AS_MODELLED)
         yield from (
             x for x in verdict_rows(self.result, self.result.judge(None)) if x.name in PLANNED
         )

@@ -20,6 +20,7 @@ from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame
 from armcontour.core.result import TABLE, VERDICT, Data, Row
+from armcontour.core.validity import AS_MODELLED
 from armcontour.files.job_model import IDENTIFIED
 from armcontour.report.message_frame import MessageFrame, bytes_array
 from armcontour.studio.tasks.figures import exact_figures
@@ -87,7 +88,7 @@ def certify(request: Request) -> MessageFrame:
         **shown(data),
         "sentence": _proved(result),
         "run": result.run.name,
-        "notes": [*data.notes, *data.warnings],
+        "notes": [*data.notes, *data.warnings, data.not_proven],
         "certificate": plain(data),
     }
     plan = pickle.dumps(result)
@@ -253,7 +254,7 @@ def _expected_errors(request: Request, servo: dict[str, Any]) -> list[Row]:
             if not request.previewer.may_execute(planned):
                 return []
             error = request.previewer.execute(planned).errors.max
-            rows.append(Row(name, error, "m", label, "simulated", VERDICT))
+            rows.append(Row(name, error, "m", label, AS_MODELLED, VERDICT))
     except ArmContourError:
         # The run may need gains that the log does not determine.
         return []
@@ -336,4 +337,5 @@ def shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
     notes = [without_options(x) for x in chain(data.notes, *(y.notes for y in logs))]
+    notes += filter(None, [data.not_proven])
     return {"rows": frame(data), "tables": tables, "notes": notes}
