@@ -42,16 +42,29 @@ def command_velocity(job: Job, run: Run) -> CommandVelocity | None:
     """
     if not run.compensation.compensates or not isinstance(run.timing, Optimal):
         return None
-    servo = job.servo.for_joints(job.arm.dof)
-    advance, _ = servo.lead
-    lower, upper = set_point_velocity(run, job.arm.dof)
-    command = CommandVelocity(1 / servo.kp - advance, lower, upper)
+    command = CommandVelocity(set_point_lead(job), *set_point_velocity(run, job.arm.dof))
     return command if len(command.bounded) else None
 
 
+def set_point_lead(job: Job) -> FloatArray:
+    """Return the time by which the set-points of each joint lead the plan [s], (dof,).
+
+    It is (1 - f) / kp, with the velocity feed-forward f.
+    """
+    servo = job.servo.for_joints(job.arm.dof)
+    advance, _ = servo.lead
+    return 1 / servo.kp - advance
+
+
 def set_point_velocity(run: Run, dof: int) -> tuple[FloatArray, FloatArray]:
-    """Return lower and upper bounds of set-point velocities [rad/s], (dof,) each."""
-    lower, upper = run.limits.velocity_bounds(dof)
+    """Return lower and upper bounds of set-point velocities [rad/s], (dof,) each.
+
+    The smaller one of the limits of the plan and of the set-points counts, unless the limit of the
+    set-points is removed by infinity.
+    """
     command_limits = run.compensation.command_limits or Limits()
     slowest, fastest = command_limits.velocity_bounds(dof)
+    if "joint_velocity" in command_limits.removed:
+        return slowest, fastest
+    lower, upper = run.limits.velocity_bounds(dof)
     return np.maximum(lower, slowest), np.minimum(upper, fastest)
