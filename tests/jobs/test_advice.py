@@ -31,6 +31,8 @@ ZIGZAG = [[0.30 + 0.02 * k, 0.20 + 0.03 * (k % 2)] for k in range(6)]
 SLOW_JOINT = {"limits": {"speed": "1 m/s", "joint_velocity": [0.3, 0.2]}}
 SPEED = {"limits": {"speed": "50 mm/s"}}
 BOUNDS = [[-0.5, 0.72], [-0.72, 0.6]]
+CORNERS = [[0.4, -0.05, 0.2], [0.5, -0.05, 0.2], [0.5, 0.05, 0.2], [0.4, 0.05, 0.2]]
+SQUARE = [*CORNERS, CORNERS[0]]
 HOLES = "".join(f'<circle cx="{x}" cy="{y}" r="6"/>' for x, y in ((20, 20), (90, 90), (90, 20)))
 SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="110mm" height="110mm" viewBox="0 0 110 110">'
@@ -51,8 +53,18 @@ JOBS = {
     "too wide": {"corners": {"tolerance": "10 mm"}, "accuracy": "1 mm"},
     "late": {"runs": {"one": LATE}, "corners": {"tolerance": "0.2 mm"}, "accuracy": "0.21 mm"},
     "soft": {"plant": {"kp": 12}},
+    "limited set-points": {
+        "arm": "ur5e",
+        "path": {"points": SQUARE, "orientation": {"axis": [0, 0, -1]}},
+        "limits": {"speed": "250 mm/s"},
+        "corners": {"tolerance": "0.25 mm"},
+        "cycle": "2 ms",
+        "servo": {"kp": 9.75, "kv": 28.5},
+        "command_limits": {"joint_velocity": 3.14, "joint_acceleration": 9.42},
+        "runs": {"one": {"timing": {"reserve": "2 %"}}},
+    },
 }
-REPAIRED = ("too wide", "late", "soft", "slow joint, compensated")
+REPAIRED = ("too wide", "late", "soft", "slow joint, compensated", "limited set-points")
 
 
 def run_of(data, folder):
@@ -88,6 +100,19 @@ def test_each_suggested_change_saves_the_stated_time(name, tmp_path):
             assert x.kept is True
         else:
             assert x.saved > 0 and x.kept is result.kept
+
+
+@pytest.mark.parametrize("continuity", [None, "tangent"])
+def test_jerk_limit_repairs_tight_corners_that_limited_set_points_cut(continuity):
+    data = {**CORNER, **JOBS["limited set-points"]}
+    if continuity is not None:
+        data["corners"] = {**data["corners"], "continuity": continuity}
+    job = parse_job(yaml.safe_dump(data))
+    (result,) = ac.run(job).runs.values()
+    assert result.kept is False
+    fastest = advise(job, result).improvements[0]
+    assert fastest.kept is True and fastest.duration <= 2.52
+    assert "limits.joint_jerk" in dict(fastest.edits)
 
 
 @needs_dynamics

@@ -5,7 +5,13 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import optimal_timing
-from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder, constraints_of
+from armcontour.planning.constraints import (
+    CommandVelocity,
+    Constraint,
+    JointMotion,
+    SecondOrder,
+    constraints_of,
+)
 from armcontour.planning.optimal_timing import plan_optimal
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import A, Rounds
@@ -53,6 +59,27 @@ def test_a_velocity_limit_is_satisfied_next_to_a_kink(lead, acceleration):
         planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(intervals=intervals))
         assert largest(planned, 1)[0] <= 1 + 1e-9, intervals
         assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9), intervals
+
+
+@pytest.mark.parametrize("jerk", [None, [60.0, 60.0]])
+@pytest.mark.parametrize(("lead", "acceleration"), [(3, 0.5), (30, 0.05)])
+@pytest.mark.parametrize("gain", [1.0, 10.0])
+def test_velocity_of_set_points_is_bounded_next_to_a_kink(lead, acceleration, gain, jerk):
+    limits = ac.Limits.only(joint_acceleration=[acceleration, 50.0])
+    if jerk is not None:
+        limits = limits.replace(joint_jerk=jerk)
+    path = bent_path(1.0, 2.0, lead, 0.2)
+    bound = 0.4
+    both = np.full(2, bound)
+    command = CommandVelocity(np.full(2, 1 / gain), -both, both)
+    for intervals in (20, 40, 400, 4000):
+        options = ac.Optimal(intervals=intervals, constraints=[command])
+        (law,) = plan_optimal(path, TwoJoints(), limits, options).laws
+        places = inside(law)
+        dq, ddq = (law.on_interval(*places, order) for order in (1, 2))
+        largest_velocity = np.abs(dq + ddq / gain).max()
+        assert largest_velocity <= bound * (1 + 1e-9), intervals
+    assert largest_velocity > 0.99 * bound
 
 
 def test_an_interval_between_two_rests_is_planned():

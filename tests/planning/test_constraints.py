@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.planning.constraints import FROM_LIMITS, Constraint, ToolAcceleration, ToolPace
+from armcontour.planning.constraints import (
+    FROM_LIMITS,
+    CommandVelocity,
+    Constraint,
+    ToolAcceleration,
+    ToolPace,
+)
 from armcontour.planning.topp.limit_forms import Ceiling
 
 LINE = ac.Path.polyline([(0.4, -0.15, 0.2), (0.6, -0.15, 0.2)]).pointing((0, 0, -1))
@@ -87,3 +93,28 @@ def test_speed_of_a_segment_is_refused_without_its_kind(robot, bounds):
 def test_constraints_from_limits_must_be_constraint_classes(wrong):
     with pytest.raises(ac.InvalidInput, match="from_limits must contain subclasses"):
         ac.Optimal(from_limits=[wrong])
+
+
+def test_command_velocity_is_kept_and_reached_with_limits_of_torque(robot, bounds):
+    dof = robot.dof
+    # The lead of joint 3 is 0, so that its set-points are those of the plan.
+    lead = np.array([0.1, 0.1, 0.0, 0.1, 0.1, 0.1])
+    fastest = np.full(dof, 0.6)
+    command = CommandVelocity(lead, -fastest, fastest)
+    torque = bounds.replace(joint_torque=np.full(dof, 60.0), speed=math.inf)
+    planned = ac.plan(LINE, robot, torque, ac.Optimal(constraints=[command]))
+    t = np.linspace(0.0, planned.duration, 20_001)
+    velocity = np.abs(planned(t, 1) + lead * planned(t, 2)).max(axis=0)
+    assert velocity[lead > 0].max() == pytest.approx(0.6, rel=1e-2)
+    assert velocity[lead > 0].max() <= 0.6 * (1 + 1e-9)
+    assert velocity[2] > 0.6
+    assert np.abs(robot.dynamics.torque(planned(t), planned(t, 1), planned(t, 2))).max() <= 60.0
+    names = {x.name for x in ac.explain(planned, constraints=[command]).bindings}
+    assert any(x.endswith("command velocity") for x in names)
+    assert "joint 3 command velocity" not in names
+
+
+@pytest.mark.parametrize("wrong", [([0.1], [-1.0, -1.0], [1.0, 1.0]), ([0.1], [0.0], [1.0])])
+def test_wrong_bounds_of_command_velocity_are_refused(wrong):
+    with pytest.raises(ac.InvalidInput, match="command velocity"):
+        CommandVelocity(*wrong)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import floor, inf, log10
@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.render import digits_and_unit
-from armcontour.jobs.job import Job, Run, default_compensation
+from armcontour.core.render import digits_and_unit, number
+from armcontour.jobs.command_velocity import set_point_lead
+from armcontour.jobs.job import CURVATURE, TANGENT, Job, Run, default_compensation
 from armcontour.jobs.rows import ASSIGNED, weave_speed
 from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
 from armcontour.jobs.run_plan import plan_one
@@ -22,8 +24,10 @@ from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
 from armcontour.jobs.verdict import EXPECTED, Errors, judging_executions
 from armcontour.motion import Method
+from armcontour.motion.set_point_rule import ACCELERATION
+from armcontour.planning import Optimal
 from armcontour.planning.explanation import DWELLS, RAPIDS
-from armcontour.robot.limits import LIMITS
+from armcontour.robot.limits import LIMITS, or_unlimited
 from armcontour.verification import evaluate
 
 # Maximum number of listed changes.
@@ -42,7 +46,16 @@ SPEED_FACTORS = (0.8, 0.6, 0.4, 0.2)
 PITCH_FACTORS = (1.25, 1.6, 2.5)
 # Reserves for the servo that are tried to repair a run, as fractions of acceleration, the smallest
 # change first.
-RESERVES = (0.1, 0.2, 0.4)
+RESERVES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4)
+# Limits of jerk that are tried to repair a run, as multiples of the limit with which the
+# acceleration of set-points certainly stays within its limit, the smallest change first.
+JERK_FACTORS = (3.0, 2.4, 2.0, 1.6, 1.45, 1.3, 1.0)
+# If set-points may accelerate less than the plan times TIGHT_COMMAND, limits of jerk need at least
+# the reserve TIGHT_RESERVE.
+TIGHT_COMMAND = 1.5
+TIGHT_RESERVE = 0.2
+# Limited set-points cost too much if they may cause this fraction of the allowed contour error.
+COSTLY_SHARE = 0.25
 # Minimum reserve for the servo, as a fraction of acceleration.
 LEAST_RESERVE = 0.02
 # Relative rounding error up to which a value counts as a multiple of a step.
@@ -75,6 +88,7 @@ class _Candidate:
     run: Run  # Changed run
     expected_saving: float = 0.0  # Estimated fraction of the duration that the change saves
     condition: str = ""
+    only_fastest: bool = False  # True if the change is suggested only if no other is faster
 
 
 def advise(
@@ -89,13 +103,14 @@ def advise(
     At most `most` changes are planned and simulated, those with the largest expected effect.
     """
     report = subprogress(progress)
-    helpful = list[Improvement]()
+    # Improvements, and whether each is suggested only if it is the fastest
+    helpful = list[tuple[Improvement, bool]]()
     repairs = result.kept is False
     if repairs:
         groups = [*_repairs(job, result)]
         none = (
-            "No single change of tolerance, compensation, reserve or speed leads to a run that is "
-            "kept."
+            "No single change of tolerance, compensation, jerk limit, reserve or speed leads to a "
+            "run that is kept."
         )
     else:
         likely = sorted(_savings(job, result), key=lambda x: -x[0].expected_saving)
@@ -106,13 +121,19 @@ def advise(
         )
     smallest = -inf if repairs else MIN_SAVING * result.trajectory.duration
     for k, group in enumerate(planned := groups[:most]):
-        for candidate in group:
-            report(Step((ADVICE_STEP,), done=k / len(planned)))
+
+        def try_change(candidate: _Candidate, done: float = k / len(planned)) -> Improvement | None:
+            report(Step((ADVICE_STEP,), done=done))
             tried = _plan_change(candidate, result)
-            if tried is not None and tried.saved > smallest and tried.kept is not False:
-                helpful.append(tried)
-                break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_CHANGES]
+            helps = tried is not None and tried.saved > smallest and tried.kept is not False
+            return tried if helps else None
+
+        improvement = _find_smallest(group, try_change)
+        if improvement is not None:
+            helpful.append((improvement, group[0].only_fastest))
+    helpful.sort(key=lambda x: -x[0].saved)
+    listed = [x for k, (x, only_fastest) in enumerate(helpful) if k == 0 or not only_fastest]
+    suggestions = tuple(listed[:MAX_CHANGES])
     note = "" if suggestions else none
     if most < len(groups):
         note = (
@@ -145,6 +166,27 @@ def _count_affordable(job: Job) -> int:
     segments = sum(len(x.path) for x in job.program.contours) * len(job.runs)
     run_time = START_IN_SEGMENTS + RUN_PER_SEGMENT * segments
     return min(MAX_PLANNED_CHANGES, int(CHANGES_SHARE * run_time / max(segments, 1)))
+
+
+def _find_smallest(
+    group: Sequence[_Candidate], try_change: Callable[[_Candidate], Improvement | None]
+) -> Improvement | None:
+    """Return the improvement by the smallest change of a group that is successful, by bisection.
+
+    If a change is successful, larger ones are assumed to be successful, too.
+    """
+    smallest = None
+    low = 0
+    high = len(group)
+    while low < high:
+        middle = (low + high - 1) // 2
+        tried = try_change(group[middle])
+        if tried is None:
+            low = middle + 1
+        else:
+            smallest = tried
+            high = middle
+    return smallest
 
 
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:
@@ -372,6 +414,9 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
         if 0 < tolerance < result.tolerance:
             yield [_change_tolerance(job, run, _rounded(tolerance))]
+    costly = _costs_too_much(result)
+    if costly and (lower_jerk := [*_limited_jerk(job, result)]):
+        yield lower_jerk
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
@@ -392,6 +437,70 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
                 edits=(("limits.speed", x),),
                 job=job,
                 run=replace(run, limits=run.limits.replace(speed=x)),
+                only_fastest=costly,
             )
             for x in slower
         ]
+
+
+def _costs_too_much(result: RunResult) -> bool:
+    """Return whether limits of the set-points cause much of the contour error of a run."""
+    cost = result.set_points.limit_cost
+    allowed = result.verdict.allowed
+    if cost is None or cost.contour_max is None or allowed is None:
+        return False
+    return cost.contour_max > COSTLY_SHARE * allowed
+
+
+def _limited_jerk(job: Job, result: RunResult) -> Iterator[_Candidate]:
+    """Yield changes to limits of jerk, with corners of continuous curvature.
+
+    Most motion does not need the largest acceleration and the largest jerk at once, so larger
+    limits than `_safe_jerk` are tried, too.
+    """
+    run = result.run
+    rounding = run.rounding
+    if rounding is None or rounding.free or not isinstance(run.timing, Optimal):
+        return
+    reserve = run.timing.reserve
+    command = np.abs(result.set_points.rule.bounds[ACCELERATION]).min(axis=0)
+    planned = np.abs(run.limits.acceleration_bounds(job.arm.dof)).max(axis=0)
+    words = ""
+    edits: list[tuple[str, Any]] = []
+    if (command < TIGHT_COMMAND * planned).any() and reserve < TIGHT_RESERVE:
+        reserve = TIGHT_RESERVE
+        words = f", and raise the reserve {_describe_change(run.timing.reserve, reserve, '1')}"
+        edits.append(("timing.reserve", reserve))
+    safe = _safe_jerk(command, (1 - reserve) * planned, set_point_lead(job))
+    if safe is None:
+        return
+    if rounding.continuity == TANGENT:
+        edits.append(("corners.continuity", CURVATURE))
+        rounding = replace(rounding, continuity=CURVATURE)
+    old = or_unlimited(run.limits.joint_jerk, job.arm.dof)
+    for factor in JERK_FACTORS:
+        new = [_rounded(float(x)) for x in np.minimum(factor * safe, old)]
+        if np.array_equal(new, old):
+            continue
+        limits = run.limits.replace(joint_jerk=new)
+        timing = replace(run.timing, reserve=reserve)
+        yield _Candidate(
+            label=f"Limit the jerk of the joints to {number(max(new), 'rad/s³')}{words}",
+            edits=(("limits.joint_jerk", new), *edits),
+            job=job,
+            run=replace(run, limits=limits, timing=timing, rounding=rounding),
+        )
+
+
+def _safe_jerk(command: FloatArray, planned: FloatArray, lead: FloatArray) -> FloatArray | None:
+    """Return limits of jerk with which set-points stay within their acceleration [rad/s³], (dof,).
+
+    The set-points `u = q + dq / kp` of a first-order servo accelerate by `ddq + dddq / kp`. They
+    stay within C if the plan stays within A and the jerk `kp (C - A)`. None without such limits.
+
+    - `command`, `planned`: C and A [rad/s²], (dof,) each.
+    - `lead`: 1 / kp [s], (dof,).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        safe = (command - planned) / lead
+    return safe if (np.isfinite(safe) & (safe > 0)).all() else None

@@ -38,7 +38,7 @@ from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
 from armcontour.jobs.analog_signals import check_analog
 from armcontour.jobs.certificate_goal import CertificateGoal
-from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, check_cycle
+from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, SetPointRule, check_cycle, make_rule
 from armcontour.motion.controller_facts import (
     ControllerFacts,
     facts_of_format,
@@ -502,6 +502,15 @@ class Job(Checked):
         if self.player:
             known.append(facts_of_player(self.player))
         return tuple(x for x in known if x is not None)
+
+    def rule(self, run: Run, limits: Limits) -> SetPointRule:
+        """Return the limits of a run's set-points: of the plan, the user and all controllers.
+
+        Args:
+            run: The run.
+            limits: The limits of the plan.
+        """
+        return make_rule(limits, self.arm.dof, run.compensation.command_limits, self.targets)
 
     def __post_init__(self) -> None:
         """Complete the title and the plant's servo, then check the fields."""

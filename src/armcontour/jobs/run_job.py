@@ -16,12 +16,13 @@ from armcontour.core.checks import FloatArray, comparable
 from armcontour.core.errors import ArmContourError, ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.jobs.command_velocity import command_velocity, exceeded_command_velocity
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
 from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING_STEP, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.motion import Execution, SetPointRule, SetPoints, Trajectory, make_rule
+from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.program import Program
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
@@ -103,10 +104,17 @@ def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> 
     for earlier in done:
         if all(
             comparable(getattr(run, x)) == comparable(getattr(earlier.run, x)) for x in PLAN_FIELDS
-        ):
+        ) and _has_command_velocity(job, run, earlier):
             return replace(earlier, run=run, experiment=None, failure=None)
     with explained_reach(job):
         return plan_one(job, run, progress)
+
+
+def _has_command_velocity(job: Job, run: Run, earlier: RunResult) -> bool:
+    """Return whether an earlier plan has the same bounds of set-point velocities as this run."""
+    if earlier.command_velocity is None:
+        return exceeded_command_velocity(job, run, earlier.trajectory) is None
+    return command_velocity(job, run) == earlier.command_velocity
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
@@ -144,7 +152,7 @@ def _simulate(
         # A robot with other gains may be impossible, next to the largest gains of a servo.
         with suppress(ArmContourError):
             unknown_gains = estimate_unknown_gains(job, run, executed, path, evaluation)
-    explanation = planned.explanation or explain_plan(job, planned.trajectory, progress)
+    explanation = planned.explanation or explain_plan(job, planned, progress)
     progress(Step(("clearance",)))
     result = replace(
         planned,
@@ -174,17 +182,7 @@ def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
         run.compensation,
         cycle=run.cycle,
         arm=job.arm,
-        rule=rule_of_run(job, run, trajectory),
-    )
-
-
-def rule_of_run(job: Job, run: Run, trajectory: Trajectory) -> SetPointRule:
-    """Return the limits of a run's set-points: of the plan, the user and all target controllers."""
-    return make_rule(
-        trajectory.limits_for(None),
-        trajectory.dof,
-        command_limits=run.compensation.command_limits,
-        controllers=job.targets,
+        rule=job.rule(run, trajectory.limits_for(None)),
     )
 
 

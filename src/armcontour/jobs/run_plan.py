@@ -23,6 +23,7 @@ from armcontour.jobs.alternatives import (
     first_clear,
     first_contour_clear,
 )
+from armcontour.jobs.command_velocity import exceeded_command_velocity
 from armcontour.jobs.job import TANGENT, Job, Run
 from armcontour.jobs.resumed_configuration import (
     ResumedPlace,
@@ -35,12 +36,15 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
+    Optimal,
+    PlanOptions,
     Tracing,
     at_speed,
     intervals_of,
     plan,
     trace_program,
 )
+from armcontour.planning.constraints import CommandVelocity
 from armcontour.planning.explanation import explain_all
 from armcontour.program import (
     Contour,
@@ -179,12 +183,15 @@ def explained_reach(job: Job) -> Iterator[None]:
 
 
 def explain_plan(
-    job: Job, trajectory: Trajectory, progress: Progress | None = None
+    job: Job, planned: RunResult, progress: Progress | None = None
 ) -> Explanation | None:
     """Find the active limits along a plan; None if it is not optimal, or was stretched."""
+    trajectory = planned.trajectory
     if trajectory.method is not Method.OPTIMAL or trajectory.speed_factor != 1.0:
         return None
-    return explain_all(trajectory, job.arm, progress=progress)
+    command = planned.command_velocity
+    constraints = () if command is None else (command,)
+    return explain_all(trajectory, job.arm, constraints=constraints, progress=progress)
 
 
 def prepare_program(
@@ -429,15 +436,45 @@ def time_run(
     job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
 ) -> RunResult:
     """Plan along joint paths, at the speed of the run, without a check of collisions."""
-    progress(Step(("timing",)))
-    fastest = plan(traced, job.arm, run.limits, run.timing, progress=progress)
+    planned = time_freely(job, run, objective, traced, progress)
+    command = exceeded_command_velocity(job, run, planned.trajectory)
+    return planned if command is None else time_within(job, planned, command, progress)
+
+
+def time_freely(
+    job: Job, run: Run, objective: Program, traced: Tracing, progress: Progress
+) -> RunResult:
+    """Plan as `time_run`, without the constraint of the set-point velocity."""
     return RunResult(
         run=run,
         objective=objective,
         path=traced.program,
-        trajectory=at_speed(fastest, 1.0 if run.speed_factor is None else run.speed_factor),
+        trajectory=_time(job, run, traced, run.timing, progress),
         traced=traced,
     )
+
+
+def time_within(
+    job: Job, planned: RunResult, command: CommandVelocity, progress: Progress
+) -> RunResult:
+    """Plan again, with the constraint of the set-point velocity.
+
+    - `planned`: the plan of `time_freely`.
+    """
+    run = planned.run
+    assert planned.traced is not None and isinstance(run.timing, Optimal)
+    timing = dataclasses.replace(run.timing, constraints=(*run.timing.constraints, command))
+    trajectory = _time(job, run, planned.traced, timing, progress)
+    return dataclasses.replace(planned, trajectory=trajectory, command_velocity=command)
+
+
+def _time(
+    job: Job, run: Run, traced: Tracing, timing: PlanOptions, progress: Progress
+) -> Trajectory:
+    """Time the moves of a run by the options `timing`, at the speed of the run."""
+    progress(Step(("timing",)))
+    fastest = plan(traced, job.arm, run.limits, timing, progress=progress)
+    return at_speed(fastest, 1.0 if run.speed_factor is None else run.speed_factor)
 
 
 def time_clear(

@@ -36,6 +36,7 @@ from armcontour.jobs.verdict import (
 from armcontour.motion import Execution, SetPoints, Trajectory, arm_of
 from armcontour.motion.set_point_rule import SetPointUse
 from armcontour.planning import Explanation, Tracing
+from armcontour.planning.constraints import CommandVelocity
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
@@ -172,6 +173,7 @@ class RunRecord:
     failure: ExecutionError | None = None
     advice: Advice | None = None
     resumption: Resumption | None = None
+    command_velocity: CommandVelocity | None = None
 
     @classmethod
     def from_plan(cls, planned: RunRecord, **changes: Any) -> Self:

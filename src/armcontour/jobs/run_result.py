@@ -49,6 +49,8 @@ class RunResult(RunRecord, Result, Pictured):
         failure: The error of a failed experiment.
         advice: Suggested changes; None if they were not computed.
         resumption: Configuration in which a resumed job begins; None if it is not resumed.
+        command_velocity: Constraint of the set-point velocity with which the motion was planned;
+            None if a plan without it does not exceed it.
     """
 
     def to_data(self) -> Data:

@@ -132,7 +132,8 @@ class Constraint:
     name = ""  # Name in messages, such as "acceleration"
     limit: float | FloatArray = np.inf  # Largest value; one number, or one per joint
     joints = False  # True if each joint has its own limit; explanations then name the joint
-    curved = False  # True if the limit has a term in sqrt(x), viscous friction
+    # True if the limit has a term in sqrt(x), viscous friction: each row then has such a term
+    curved = False
     # False if a stop need not consider the constraint: a slower motion always satisfies it (limits
     # of speed), or stops have the limit as a limit of the joints
     brakes = True
@@ -190,7 +191,8 @@ def limits_on(path: SampledJointPath, active: Sequence[Constraint]) -> GridLimit
     """Discretize the active constraints on a grid, and combine their limits."""
     n = len(path)
     forms = []
-    for constraint in active:
+    # Viscous friction belongs to the first rows.
+    for constraint in sorted(active, key=lambda x: not x.curved):
         for form in constraint.discretize(path):
             forms.append(check_form(form, n, constraint.name))
     return combine_forms(forms, n)
@@ -360,6 +362,77 @@ class JointTorque(Constraint):
         lowest = np.where(may_reverse, -1.0, slopes.sign) * friction
         highest = np.where(may_reverse, 1.0, slopes.sign) * friction
         return lowest, highest
+
+
+class CommandVelocity(Constraint):
+    """`lower <= q' ds + lead (q' dds + q'' ds²) <= upper` for every joint with a lead.
+
+    The inverse of a first-order servo with the gain kp has the set-points `u = q + dq / kp`, whose
+    velocity is `dq + ddq / kp`. So the lead is 1 / kp, or (1 - f) / kp with the velocity
+    feed-forward f. The term in ds has the form of viscous friction. docs/concepts/time_optimal.md
+    has the formula.
+    """
+
+    name = "command velocity"
+    joints = True
+    curved = True
+
+    @checked
+    def __init__(
+        self,
+        lead: npt.ArrayLike,  # Time by which set-points lead the plan [s], (dof,); 0 for no bounds
+        lower: npt.ArrayLike,  # Lower (negative) bounds of set-point velocities [rad/s], (dof,)
+        upper: npt.ArrayLike,  # Upper bounds of set-point velocities [rad/s], (dof,)
+    ) -> None:
+        names = ("lead", "lower", "upper")
+        given = [
+            checks.shaped(x, y, (None,)) for x, y in zip(names, (lead, lower, upper), strict=True)
+        ]
+        self.lead, self.lower, self.upper = map(checks.frozen_array, given)
+        if not self.lead.shape == self.lower.shape == self.upper.shape:
+            raise InvalidInput("lead, lower and upper of a command velocity need equal shapes.")
+        if not (self.lower < 0).all() or not (self.upper > 0).all():
+            raise InvalidInput("Bounds of a command velocity must be below and above 0.")
+        bounded = np.isfinite(self.lower) | np.isfinite(self.upper)
+        self.bounded = np.flatnonzero((self.lead != 0) & bounded)
+
+    @property
+    def _values(self) -> tuple[bytes, ...]:
+        return self.lead.tobytes(), self.lower.tobytes(), self.upper.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CommandVelocity) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    @property
+    def names(self) -> list[tuple[str, int | None]]:
+        """Name of the constraint, with the index of each joint that has bounds."""
+        return [(self.name, int(j)) for j in self.bounded]
+
+    def discretize(self, path: SampledJointPath) -> Iterable[Form]:
+        """Return the rows of the accelerations, and the velocities as viscous friction."""
+        j = self.bounded
+        lead = self.lead[j]
+
+        def terms(
+            q: FloatArray, first: FloatArray, second: FloatArray
+        ) -> tuple[FloatArray, FloatArray, FloatArray]:
+            return lead * first[:, j], lead * second[:, j], 0 * first[:, j]
+
+        rows, _ = path.rows_of(terms, kernel_array(self.lower[j]), kernel_array(self.upper[j]))
+        slopes = _bound_slopes(path)
+        within = np.stack([slopes.largest, slopes.deviation, slopes.sign], axis=2)
+        return rows, Friction(slopes.at_ends[:, :, j], within[:, j])
+
+    def usage(self, ends: IntervalEnds) -> FloatArray:
+        """Return the used fraction of the bounds on each interval, the larger of its two ends."""
+        j = self.bounded
+        _, dq, ddq = ends.states.columns
+        velocity = dq[:, j] + self.lead[j] * ddq[:, j]
+        used = np.maximum(velocity / self.lower[j], velocity / self.upper[j])
+        return np.asarray(used.reshape(len(ends.grid), 2, -1).max(axis=1))
 
 
 class JointMotion(Constraint):
@@ -664,8 +737,8 @@ class AngularAcceleration(ToolConstraint):
         return (path.round(w, rate, self.limit),)
 
 
-# Kinds of constraints that the planner makes from `Limits`. The order matters: rows with viscous
-# friction come first, and an explanation prefers the first of two limits with equal fractions.
+# Kinds of constraints that the planner makes from `Limits`. The order matters: an
+# explanation prefers the first of two limits with equal fractions.
 FROM_LIMITS: tuple[type[Constraint], ...] = (
     JointTorque,
     JointMotion,

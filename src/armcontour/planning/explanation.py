@@ -423,7 +423,7 @@ def _explain_laws(
     constraints: Sequence[Constraint],
 ) -> Iterator[_LawExplanation]:
     """Yield the explanation of each law, with times and arc lengths from its start."""
-    ends = [_ends_of(law, arm) for law in laws]
+    ends = [ends_of_law(law, arm) for law in laws]
     assigned_of = [assigned_speeds(x.grid.joint_path, bounds)[x.grid.piece] for x in ends]
     assigned = np.concatenate(assigned_of)
     columns = zip(*(x.states.columns for x in ends), strict=True)
@@ -457,7 +457,7 @@ def _explain_laws(
         )
 
 
-def _ends_of(law: PathLaw, arm: Arm) -> IntervalEnds:
+def ends_of_law(law: PathLaw, arm: Arm) -> IntervalEnds:
     """Return the motion of a law at the ends of its intervals."""
     middle = (law.s[:-1] + law.s[1:]) / 2
     return IntervalEnds(arm, law, Grid(law.joint_path, law.s, law.joint_path.locate(middle)))

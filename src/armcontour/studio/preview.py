@@ -36,6 +36,7 @@ from armcontour.files.model.tool_axis import Bisector
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Run
 from armcontour.jobs.alternatives import below_base
+from armcontour.jobs.command_velocity import exceeded_command_velocity
 from armcontour.jobs.run_job import compute_set_points, simulate_experiment
 from armcontour.jobs.run_plan import (
     explain_plan,
@@ -43,7 +44,8 @@ from armcontour.jobs.run_plan import (
     find_resumption,
     prepare_program,
     round_program,
-    time_run,
+    time_freely,
+    time_within,
     trace_run,
 )
 from armcontour.jobs.run_result import RunResult
@@ -220,7 +222,7 @@ class CoarsePlanner:
                 planned = planned or self._plan_steps(job, coarse, progress)
             trajectory = planned.trajectory
             explanation = self._cache.get(
-                "explanation", trajectory, lambda: explain_plan(job, trajectory)
+                "explanation", trajectory, lambda: explain_plan(job, planned)
             )
         below = below_base(job, trajectory)
         preview = Preview.from_plan(
@@ -410,12 +412,20 @@ class CoarsePlanner:
             (path, arm_inputs, ranges, resumption),
             lambda: trace_run(job, run, path, report, resumption),
         )
-        return get(
+        planned = get(
             "timing",
             (traced, limits, run.timing),
             lambda: dataclasses.replace(
-                time_run(job, run, objective, traced, report), resumption=resumption
+                time_freely(job, run, objective, traced, report), resumption=resumption
             ),
+        )
+        command = exceeded_command_velocity(job, run, planned.trajectory)
+        if command is None:
+            return planned
+        return get(
+            "timing within command velocity",
+            (planned, command),
+            lambda: time_within(job, planned, command, report),
         )
 
 

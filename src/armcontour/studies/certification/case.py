@@ -14,7 +14,6 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.run_job import rule_of_run
 from armcontour.jobs.run_result import RunResult
 from armcontour.motion import JointPath, SetPoints, Trajectory
 from armcontour.planning import Optimal, intervals_of
@@ -126,7 +125,7 @@ class Case:
         servo = self.job.servo.for_joints(self.arm.dof)
         options = self.run.compensation
         cycle = self.run.cycle if cycle is None else cycle
-        rule = rule_of_run(self.job, self.run, plan)
+        rule = self.job.rule(self.run, plan.limits_for(None))
         return unchecked_set_points(plan, servo, options, cycle=cycle, arm=self.arm, rule=rule)
 
 

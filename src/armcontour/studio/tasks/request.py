@@ -100,7 +100,7 @@ class Request:
         with error_context(f"Run {run.name}"), self.previewer.remembering():
             with explained_reach(self.job):
                 plan = plan_one(self.job, run, report, clear=False)
-            return replace(plan, explanation=explain_plan(self.job, plan.trajectory, report))
+            return replace(plan, explanation=explain_plan(self.job, plan, report))
 
     @cached_property
     def result(self) -> RunResult:
