@@ -178,7 +178,7 @@ def test_damaged_and_other_files_are_refused(plan, tmp_path):
         return read_lesson(file, plan.trajectory)
 
     table = [
-        (other(version=99), "version 99 ... requires version 5"),
+        (other(version=99), "version 99 ... requires version 6"),
         (other(runs=[]), "a.npz ... at least one run"),
         (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
         (lambda parts: parts.pop("about.json"), "damaged"),
