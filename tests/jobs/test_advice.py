@@ -115,6 +115,20 @@ def test_jerk_limit_repairs_tight_corners_that_limited_set_points_cut(continuity
     assert "limits.joint_jerk" in dict(fastest.edits)
 
 
+def test_lower_speed_is_not_suggested_if_a_reserve_costs_less():
+    tight = {"joint_velocity": 3.14, "joint_acceleration": 3.14}
+    data = {**CORNER, **JOBS["limited set-points"], "accuracy": "0.5 mm", "command_limits": tight}
+    job = parse_job(yaml.safe_dump(data))
+    (result,) = ac.run(job).runs.values()
+    keys = [{key for key, _ in x.edits} for x in advise(job, result).improvements]
+    assert keys == [{"timing.reserve"}, {"timing.reserve", "limits.joint_jerk"}]
+    # A lower speed would be kept as well, and take longer than the reserve.
+    slow = {**data, "limits": {"speed": "200 mm/s"}}
+    (slower,) = ac.run(parse_job(yaml.safe_dump(slow))).runs.values()
+    assert slower.kept is True
+    assert slower.trajectory.duration > advise(job, result).improvements[0].duration
+
+
 @needs_dynamics
 def test_a_smaller_tolerance_is_suggested_for_corners_outside_the_accuracy(tmp_path):
     text = drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path)

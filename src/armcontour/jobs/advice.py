@@ -414,9 +414,6 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
         if 0 < tolerance < result.tolerance:
             yield [_change_tolerance(job, run, _rounded(tolerance))]
-    costly = _costs_too_much(result)
-    if costly and (lower_jerk := [*_limited_jerk(job, result)]):
-        yield lower_jerk
     inverse = default_compensation(job.servo, job.arm, run.experiment)
     if run.compensation.method != inverse.method:
         limits = run.compensation.command_limits
@@ -428,6 +425,7 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         yield weaves
     if run.timing.method == Method.OPTIMAL:
         yield [_change_reserve(job, run, x) for x in RESERVES if x > run.timing.reserve]
+    costly = _costs_too_much(result)
     speed = run.limits.speed
     if speed is not None:
         slower = [_rounded(speed * factor) for factor in SPEED_FACTORS]
@@ -441,6 +439,9 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
             )
             for x in slower
         ]
+    # Plans with limits of jerk take longest, so they are the last ones.
+    if costly and (with_jerk := [*_limited_jerk(job, result)]):
+        yield with_jerk
 
 
 def _costs_too_much(result: RunResult) -> bool:

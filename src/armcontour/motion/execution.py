@@ -18,7 +18,7 @@ from armcontour.core.text import short_repr
 from armcontour.motion.cycle import check_cycle
 from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule, SetPointUse, make_rule
 from armcontour.motion.trajectory import Trajectory
-from armcontour.robot import Arm
+from armcontour.robot import Arm, Limits
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
 
@@ -316,10 +316,12 @@ class SetPoints(Checked):
 
     def __post_init__(self) -> None:
         """Complete the rule, then check the fields."""
+        if self.rule is None and np.ndim(self.q) == 2 and isinstance(self.trajectory, Trajectory):
+            dof = np.shape(self.q)[1]
+            is_same_arm = self.trajectory.dof == dof
+            limits = self.trajectory.limits_for(None) if is_same_arm else Limits()
+            object.__setattr__(self, "rule", make_rule(limits, dof))
         Checked.__post_init__(self)
-        if self.rule is None:
-            rule = make_rule(self.trajectory.limits_for(None), self.q.shape[1])
-            object.__setattr__(self, "rule", rule)
 
     def _check_together(self) -> None:
         check_cycle(self.cycle)
