@@ -61,7 +61,7 @@ def test_a_collision_is_the_verdict_and_its_bodies_are_red(page, folder):
     # Without the obstacle, the run is kept.
     shown(page, folder, JOB, "free.yaml")
     studio.rest()
-    expect(verdict).to_have_text("✓ kept")
+    expect(verdict).to_have_text("✓ kept, as modelled")
     studio.wait("#view3d", alarmed="")
 
 
@@ -89,7 +89,7 @@ def test_no_verdict_stands_until_the_exact_result_has_come(page, folder):
     studio.tab("process")
     with studio.changing():
         studio.type("limits.speed", "35 mm/s")
-    expect(verdict).to_have_text("✓ kept")
+    expect(verdict).to_have_text("✓ kept, as modelled")
     recorded = studio.page.evaluate("window.verdicts")
     before = [(text, colour) for exact, text, colour in recorded if exact == "false"]
     assert any("checking" in text for text, _ in before)

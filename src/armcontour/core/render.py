@@ -197,11 +197,14 @@ def _cell(column: Row, value: Any) -> str:
 def compare(
     results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
 ) -> list[tuple[str, ...]]:
-    """Write several results as rows of text: the header, then a row per result."""
+    """Write several results as rows of text: the header, then a row per result.
+
+    The title of the table says for what the values hold.
+    """
     rows = {}
     for name, data in results.items():
         compared = (x for x in data.shown(level) if texts or not isinstance(x.value, str))
-        rows[name] = {x.heading: figure(replace(x, holds="")) for x in compared}
+        rows[name] = {x.label: figure(replace(x, holds="")) for x in compared}
     # The result with the most values determines the order of the columns.
     longest = sorted(rows.values(), key=len, reverse=True)
     labels = list(dict.fromkeys(chain.from_iterable(longest)))

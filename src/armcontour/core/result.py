@@ -42,11 +42,6 @@ class Row:
     holds: str = ""
 
     @property
-    def heading(self) -> str:
-        """The label as the head of a column, with that for which the values hold."""
-        return ", ".join(filter(None, (self.label, self.holds)))
-
-    @property
     def figure(self) -> Any:
         """The displayed value: the largest of several numbers, all texts; None if there is none."""
         value = self.value

@@ -159,7 +159,7 @@ class TrajectoryFile(Frozen):
     lines: IntArray | None = None  # Line of each sample in the file, (n,); None in YAML
     # True for the points of a JointTrajectory, which have any distance; false for samples
     is_plan: bool = False
-    # True for measured positions of a bag, or of a file that also has the commands
+    # True for measured positions: of a bag, beside commands, or with such a title
     is_log: bool = False
 
     @property

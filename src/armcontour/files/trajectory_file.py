@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -62,6 +63,8 @@ ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
 NANOSECOND = 1e-9
 # Export columns that are ignored without a note, by the beginnings of their titles.
 IGNORED = ("events", "torque ")
+# Title of a column that a program has measured, not planned.
+MEASURED = re.compile("measured|actual|feedback", re.IGNORECASE)
 EXAMPLE = "t [s],q1 [deg],q2 [deg], or t,u1,q1,u2,q2 for commands and measured positions"
 # Times are equal if they differ by at most this [cycles]; times are printed with 12 digits.
 SAME_TIME = 1e-6
@@ -318,7 +321,15 @@ def _read_motion(table: CsvTable[JointColumn], joint_names: Sequence[str]) -> Tr
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *unused),
         notes=(*notes, *samples.notes),
         lines=samples.lines,
-        is_log={"measured", "command"} <= {x.role for x in table.columns if x.kind == "q"},
+        is_log=_is_log(table, positions),
+    )
+
+
+def _is_log(table: CsvTable[JointColumn], positions: Sequence[JointColumn]) -> bool:
+    """Return whether positions were measured: they are beside commands, or their titles say so."""
+    has_commands = any(x.role == "command" for x in table.columns)
+    return positions[0].role == "measured" and (
+        has_commands or MEASURED.search(table.columns[positions[0]].title) is not None
     )
 
 

@@ -14,6 +14,7 @@ from armcontour.core.pictures import Pictured
 from armcontour.core.render import Result, compare, lay_out
 from armcontour.core.result import Data
 from armcontour.core.text import LINE_WIDTH, short_repr
+from armcontour.core.validity import AS_MODELLED
 from armcontour.jobs import rows, run_notes
 from armcontour.jobs.job import Job
 from armcontour.jobs.run_record import RunRecord
@@ -110,7 +111,8 @@ class JobResult(Explained, Pictured):
     def __str__(self) -> str:
         """Write a table with a row for every run, and what the result does not prove."""
         data = self.to_data()
-        table = lay_out(data.title, compare(data.parts["runs"].parts))
+        title = f"{data.title}, {AS_MODELLED}" if self.simulated else data.title
+        table = lay_out(title, compare(data.parts["runs"].parts))
         return "\n".join([table, *textwrap.wrap(data.not_proven, LINE_WIDTH)])
 
     __repr__ = short_repr

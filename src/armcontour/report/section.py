@@ -155,7 +155,7 @@ def side_by_side(results: Mapping[str, Data], caption: str = "") -> tuple[TextTa
     if len(rows) > 1:
         return (TextTable(header=("figure", *results), rows=tuple(figures), caption=caption),)
     values = chain.from_iterable(x.shown() for x in results.values())
-    notes = {x.heading: x.note for x in values}
+    notes = {x.label: x.note for x in values}
     figures = [(*x, notes[x[0]]) for x in figures]
     half = (len(figures) + 1) // 2
     continued = caption and f"{caption}, continued"

@@ -123,7 +123,7 @@ class Check(Result):
         """Return the verdict, the distance from the path, and the use of every limit."""
         worst = self.worst
         deviation = self.path_deviation
-        holds = AT_ENCODERS if self.is_log else ""
+        holds = AT_ENCODERS if self.is_log and self.verdict != CANNOT_TELL else ""
         note = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
         if unknown := ", ".join(x for x in self.not_judged if x in LIMIT_UNITS):
             note = "; ".join(filter(None, [f"not judged: {unknown}", note]))
