@@ -5,7 +5,8 @@ stops on the path. The next chunk replaces the stop before it begins. If no furt
 whatever reason, the robot executes the stop.
 
 The set-points of each chunk are compensated anew, because those of a slower motion differ from
-slower set-points.
+slower set-points. Limits of set-points need no memory: what was sent stays, and the set-points of
+the chunk are the nearest ones whose differences, also with the last sent ones, are within limits.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import AtLeast, Axes, Quantity
 from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints, Trajectory
+from armcontour.motion.nearest_commands import nearest_commands
 from armcontour.planning.override import Pace
 from armcontour.planning.override_ramps import override_of
 from armcontour.robot import Arm
@@ -46,6 +48,10 @@ LONGEST_FORESIGHT = 256
 # time constants of the servo: an earlier motion has no effect.
 COMPENSATED_TIME = 5.5
 MEMORY = 36.0
+# Set-points of this order of differences, and of lower ones, have limits.
+DIFFERENCES = 3
+# Limited set-points reach the end of a motion within this time after the others [s].
+LIMITED_TAIL = 1.0
 # Learned corrections fade out in this time if the override is not 100 %, and in if it is [s].
 CORRECTION_FADING = 0.2
 # Rates that differ less from 1 are 1.
@@ -110,6 +116,8 @@ class Chunk(Checked):
         braked: Whether the stop of the chunk before had begun.
         pause_at: Time of the plan at which the motion pauses, at the end of a contour [s]; infinite
             without a pause.
+        set_points: Set-points from which the rows are sampled [rad], (m, dof).
+        first: Index of the first of them in the motion.
     """
 
     k: Annotated[int, AtLeast(0)]
@@ -123,6 +131,8 @@ class Chunk(Checked):
     ends: bool
     braked: bool = False
     pause_at: float = math.inf
+    set_points: Annotated[FloatArray, Quantity("rad"), Axes("m", "joints")]
+    first: Annotated[int, AtLeast(0)]
 
     @property
     def pauses(self) -> bool:
@@ -248,8 +258,13 @@ class RollingRows:
             difference = self.q - rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
             if np.abs(difference).max() > SAME_ROW:
                 self._corrections = difference
+        rule = replace(set_points.rule, cycle=min(set_points.rule.cycle or math.inf, cycle))
+        bounds = rule.at_cycle(set_points.cycle)
+        # Bounds of set-points, (4, 2, dof); None if the compensation changes none.
+        self._bounds = bounds if options.compensates and np.isfinite(bounds).any() else None
+        self._unlimited = rule.without_limits
         self._memory = COMPENSATED_TIME
-        if options.is_local and options.command_limits is None:
+        if options.is_local:
             slowest = servo.for_joints(plan.dof)
             self._memory += MEMORY * float(slowest.lead[0].max(initial=0.0))
             if slowest.ki.any():
@@ -270,6 +285,8 @@ class RollingRows:
         pace = self._override.begin(_checked(override), ahead + self._look_ahead(FORESIGHT))
         window = self._window(pace, 0.0)
         weight = 1.0 if override == 1.0 else 0.0
+        if self._bounds is not None:
+            window = self._limit(window, pace, None, 0, weight)
         return self._chunk(pace, window, 0, weight, ends=False, braked=False)
 
     def next(
@@ -305,7 +322,9 @@ class RollingRows:
             pace = self._override.change(before.pace, max(t, 0.0), 0.0 if is_paused else target)
             pace = pace.pausing_at(pause_at)
             window = self._window(pace, t)
-            if self._keeps(window, before, k):
+            if self._bounds is not None:
+                window = self._limit(window, pace, before, k)
+            if self._bounds is not None or self._keeps(window, before, k):
                 # The rest at a pause, or at the end of the plan, is not a stop that came too early.
                 is_due = before.rate.any() and not before.pauses and not before.pace.is_complete
                 braked = bool(is_due and t > before.pace.brake_time)
@@ -315,7 +334,7 @@ class RollingRows:
         raise NotRealizable(
             f"The set-points before cycle {k} depend on the motion after it, because the "
             f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
-            "poles or wider command limits."
+            "poles."
         )
 
     def _pause_time(self, before: Chunk, t: float) -> float:
@@ -338,9 +357,15 @@ class RollingRows:
         return float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Compute the set-points of a trajectory, with the plan's compensation."""
-        cycle = self.set_points.cycle
-        return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
+        """Compute the set-points of a trajectory with the plan's compensation, without limits."""
+        return unchecked_set_points(
+            trajectory,
+            self.servo,
+            self.options,
+            cycle=self.set_points.cycle,
+            arm=self.arm,
+            rule=self._unlimited,
+        )
 
     def _window(self, pace: Pace, t: float) -> _Compensated:
         """Compute the set-points of a motion that are needed from shortly before a time on [s]."""
@@ -353,11 +378,59 @@ class RollingRows:
             scaling = scaling.until(max(scaling.end, t) + 2 * FORESIGHT * cycle)
         moving = scaling.since(first * cycle).trajectory(self.set_points.trajectory)
         set_points = self._compensate(moving)
-        if abs(set_points.start_time - self._start_time) > SAME_ROW * cycle:
+        # Limited set-points begin earlier.
+        earlier = (set_points.start_time - self._start_time) / cycle
+        extra = round(earlier)
+        if abs(earlier - extra) > SAME_ROW or extra < 0:
             raise NotRealizable(
                 "The set-points of a slower motion start at another time than those of the plan."
             )
-        return _Compensated(set_points, first)
+        if not extra:
+            return _Compensated(set_points, first)
+        if first:
+            return _Compensated(set_points, first + extra)
+        q = np.pad(set_points.q, ((extra, 0), (0, 0)), mode="edge")
+        return _Compensated(replace(set_points, q=q), 0)
+
+    def _limit(
+        self, window: _Compensated, pace: Pace, before: Chunk | None, k: int, weight: float = 0.0
+    ) -> _Compensated:
+        """Return the set-points within their limits; those of rows before a cycle stay.
+
+        The values that are sent are hard conditions of the nearest set-points, of which only the
+        last DIFFERENCES ones enter differences of later set-points. So the result depends on
+        nothing before them.
+
+        - `before`: the chunk before; None for the first chunk.
+        - `k`: the cycle from which on rows can change.
+        - `weight`: weight of learned corrections in the first row.
+        """
+        cycle = self.set_points.cycle
+        tail = math.ceil(LIMITED_TAIL / cycle)
+        q = np.pad(window.set_points.q, ((0, tail), (0, 0)), mode="edge")
+        fixed = 1
+        if before is not None:
+            # The line to this set-point is executed before cycle k.
+            last = math.ceil((k - 1) * self.cycle / cycle - SAME_COUNT)
+            indices = np.arange(max(window.first, before.first), last + 1)
+            sent = np.clip(indices - before.first, 0, len(before.set_points) - 1)
+            q[indices - window.first] = before.set_points[sent]
+            fixed = last + 1 - window.first
+            weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
+        if self._corrections is not None:
+            t = (np.arange(fixed, len(q)) + window.first) * cycle + self._start_time
+            is_full = pace.scaling(np.maximum(t, pace.scaling.begin), 1) >= 1 - FULL_RATE
+            weights = _fade(is_full, weight, cycle / CORRECTION_FADING)
+            q[fixed:] += self._correct(_plan_clock(pace, t), weights)
+        start = max(fixed - DIFFERENCES, 0)
+        nearest, joint = nearest_commands(q[start:], cycle, self._bounds, fixed=fixed - start)
+        if joint is not None:
+            raise NotRealizable(
+                f"No set-points of joint {joint + 1} from cycle {k} on are within their limits and "
+                "reach the end of the motion. Increase timing.reserve."
+            )
+        q[start:] = nearest
+        return _Compensated(replace(window.set_points, q=q), window.first)
 
     def _sample(self, window: _Compensated, cycles: IntArray) -> FloatArray:
         """Sample set-points at cycles of the controller [rad], (n, dof)."""
@@ -416,7 +489,8 @@ class RollingRows:
         weights = np.ones(len(q))
         if self._corrections is not None:
             weights = _fade(rate >= 1 - FULL_RATE, weight, self.cycle / CORRECTION_FADING)
-            q = q + self._correct(plan_time, weights)
+            if self._bounds is None:
+                q = q + self._correct(plan_time, weights)
         times = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
         predicted = self.predict(Window(set_points=points, t=times, q=q, plan_time=plan_time))
         return Chunk(
@@ -430,6 +504,8 @@ class RollingRows:
             pace=pace,
             ends=ends,
             braked=braked,
+            set_points=points.q,
+            first=window.first,
         )
 
 
