@@ -970,12 +970,8 @@ def _check_set_points(
             needed=excess.needed,
             allowed=excess.allowed,
         )
-    labels = {
-        "joint_velocity": "set-point velocity",
-        "joint_acceleration": "set-point acceleration",
-    }
-    return [
-        Row(f"set_points.{name}", use.shares[name], "1", label, "of the limit")
-        for name, label in labels.items()
-        if name in use.shares
-    ]
+    rows = []
+    for name, share in use.shares.items():
+        label = f"set-point {name.removeprefix('joint_')}"
+        rows.append(Row(f"set_points.{name}", share, "1", label, "of the plan's limit"))
+    return rows

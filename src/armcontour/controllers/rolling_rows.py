@@ -20,6 +20,8 @@ import numpy as np
 
 from armcontour.control.compensation import CompensationOptions
 from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.control.compensation.nearest_set_points import extension_of
+from armcontour.control.compensation.set_point_times import LONGEST_TAIL
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, NotRealizable
@@ -50,8 +52,6 @@ COMPENSATED_TIME = 5.5
 MEMORY = 36.0
 # Set-points of this order of differences, and of lower ones, have limits.
 DIFFERENCES = 3
-# Limited set-points reach the end of a motion within this time after the others [s].
-LIMITED_TAIL = 1.0
 # Learned corrections fade out in this time if the override is not 100 %, and in if it is [s].
 CORRECTION_FADING = 0.2
 # Rates that differ less from 1 are 1.
@@ -149,6 +149,16 @@ class Chunk(Checked):
             end: The cycle after the last one.
         """
         return np.asarray(self.q[np.clip(np.arange(first, end) - self.k, 0, len(self.q) - 1)])
+
+    def set_points_between(self, first: int, end: int) -> FloatArray:
+        """Return some set-points [rad], (end - first, dof); outside the chunk, the nearest one.
+
+        Args:
+            first: Index in the motion of the first one.
+            end: Index of the one after the last one.
+        """
+        indices = np.clip(np.arange(first, end) - self.first, 0, len(self.set_points) - 1)
+        return np.asarray(self.set_points[indices])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -263,6 +273,9 @@ class RollingRows:
         # Bounds of set-points, (4, 2, dof); None if the compensation changes none.
         self._bounds = bounds if options.compensates and np.isfinite(bounds).any() else None
         self._unlimited = rule.without_limits
+        # Limited set-points reach the end of a motion at most so many cycles after the others.
+        extension = extension_of(servo.for_joints(plan.dof), bounds)
+        self._tails = [math.ceil(x / set_points.cycle) for x in (extension, LONGEST_TAIL)]
         self._memory = COMPENSATED_TIME
         if options.is_local:
             slowest = servo.for_joints(plan.dof)
@@ -286,7 +299,9 @@ class RollingRows:
         window = self._window(pace, 0.0)
         weight = 1.0 if override == 1.0 else 0.0
         if self._bounds is not None:
-            window = self._limit(window, pace, None, 0, weight)
+            limited = self._limit(window, pace, None, 0, weight)
+            assert limited is not None
+            window = limited
         return self._chunk(pace, window, 0, weight, ends=False, braked=False)
 
     def next(
@@ -321,10 +336,8 @@ class RollingRows:
             is_paused = before.pace.scaling(max(t, 0.0)) >= pause_at - SAME_PLAN_TIME
             pace = self._override.change(before.pace, max(t, 0.0), 0.0 if is_paused else target)
             pace = pace.pausing_at(pause_at)
-            window = self._window(pace, t)
-            if self._bounds is not None:
-                window = self._limit(window, pace, before, k)
-            if self._bounds is not None or self._keeps(window, before, k):
+            window = self._changed(pace, t, before, k)
+            if window is not None:
                 # The rest at a pause, or at the end of the plan, is not a stop that came too early.
                 is_due = before.rate.any() and not before.pauses and not before.pace.is_complete
                 braked = bool(is_due and t > before.pace.brake_time)
@@ -394,49 +407,82 @@ class RollingRows:
 
     def _limit(
         self, window: _Compensated, pace: Pace, before: Chunk | None, k: int, weight: float = 0.0
-    ) -> _Compensated:
+    ) -> _Compensated | None:
         """Return the set-points within their limits; those of rows before a cycle stay.
 
-        The values that are sent are hard conditions of the nearest set-points, of which only the
-        last DIFFERENCES ones enter differences of later set-points. So the result depends on
-        nothing before them.
+        The sent set-points are hard conditions of the nearest ones. Only the last DIFFERENCES of
+        them enter differences of later ones, so that the result depends on nothing before them.
+
+        None if the set-points sent last would better have been others: the limits look ahead.
 
         - `before`: the chunk before; None for the first chunk.
         - `k`: the cycle from which on rows can change.
         - `weight`: weight of learned corrections in the first row.
         """
         cycle = self.set_points.cycle
-        tail = math.ceil(LIMITED_TAIL / cycle)
-        q = np.pad(window.set_points.q, ((0, tail), (0, 0)), mode="edge")
+        q = window.set_points.q
         fixed = 1
         if before is not None:
             # The line to this set-point is executed before cycle k.
             last = math.ceil((k - 1) * self.cycle / cycle - SAME_COUNT)
-            indices = np.arange(max(window.first, before.first), last + 1)
-            sent = np.clip(indices - before.first, 0, len(before.set_points) - 1)
-            q[indices - window.first] = before.set_points[sent]
             fixed = last + 1 - window.first
+            q = np.pad(q, ((0, max(fixed + 1 - len(q), 0)), (0, 0)), mode="edge")
             weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
         if self._corrections is not None:
-            t = (np.arange(fixed, len(q)) + window.first) * cycle + self._start_time
+            numbers = np.arange(fixed, len(q), dtype=np.float64) + window.first
+            t = np.asarray(numbers * cycle + self._start_time, dtype=np.float64)
             is_full = pace.scaling(np.maximum(t, pace.scaling.begin), 1) >= 1 - FULL_RATE
             weights = _fade(is_full, weight, cycle / CORRECTION_FADING)
+            q = q.copy()
             q[fixed:] += self._correct(_plan_clock(pace, t), weights)
+        if before is None:
+            return _Compensated(replace(window.set_points, q=self._nearest(q, fixed, k)), 0)
+        sent = before.set_points_between(window.first, window.first + fixed)
+        compared = max(fixed - math.ceil(COMPARED_TIME / cycle), before.first - window.first, 1)
+        if compared < fixed:
+            better = self._nearest(np.concatenate([sent[:compared], q[compared:]]), compared, k)
+            if np.abs(better[:fixed] - sent).max() > SAME_ROW:
+                return None
+        nearest = self._nearest(np.concatenate([sent, q[fixed:]]), fixed, k)
+        return _Compensated(replace(window.set_points, q=nearest), window.first)
+
+    def _nearest(self, q: FloatArray, fixed: int, k: int) -> FloatArray:
+        """Return the nearest set-points within the limits that end at rest, (m, dof).
+
+        - `q`: set-points [rad], (n, dof).
+        - `fixed`: number of set-points at the start that stay.
+        - `k`: the cycle, for messages.
+        """
+        assert self._bounds is not None
+        cycle = self.set_points.cycle
         start = max(fixed - DIFFERENCES, 0)
-        nearest, joint = nearest_commands(q[start:], cycle, self._bounds, fixed=fixed - start)
-        if joint is not None:
-            raise NotRealizable(
-                f"No set-points of joint {joint + 1} from cycle {k} on are within their limits and "
-                "reach the end of the motion. Increase timing.reserve."
-            )
-        q[start:] = nearest
-        return _Compensated(replace(window.set_points, q=q), window.first)
+        joint = None
+        for tail in self._tails:
+            longer = np.pad(q[start:], ((0, tail), (0, 0)), mode="edge")
+            nearest, joint = nearest_commands(longer, cycle, self._bounds, fixed=fixed - start)
+            if joint is None:
+                return np.concatenate([q[:start], nearest])
+        assert joint is not None
+        raise NotRealizable(
+            f"No set-points of joint {joint + 1} from cycle {k} on are within their limits and "
+            "reach the end of the motion. Increase timing.reserve."
+        )
 
     def _sample(self, window: _Compensated, cycles: IntArray) -> FloatArray:
         """Sample set-points at cycles of the controller [rad], (n, dof)."""
         points = window.set_points
         t = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
         return sample_rows(points.q, points.cycle, self.servo.interpolation, t)
+
+    def _changed(self, pace: Pace, t: float, before: Chunk, k: int) -> _Compensated | None:
+        """Compute the set-points of a motion that changes at a time [s].
+
+        None if rows before cycle k would have to change.
+        """
+        window = self._window(pace, t)
+        if self._bounds is not None:
+            return self._limit(window, pace, before, k)
+        return window if self._keeps(window, before, k) else None
 
     def _keeps(self, window: _Compensated, before: Chunk, k: int) -> bool:
         """Return whether the rows before a cycle are those of the chunk before."""
