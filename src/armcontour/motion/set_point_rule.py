@@ -74,8 +74,9 @@ class SetPointExcess(NamedTuple):
                 f"of {limit}"
             )
         what = self.limit.removeprefix("joint_")
+        article = "an" if what == "acceleration" else "a"
         return (
-            f"set-points of {joint} have a {what} of {self.needed:.6g} {unit} {time}, "
+            f"set-points of {joint} have {article} {what} of {self.needed:.6g} {unit} {time}, "
             f"{self.ratio:.3g} times the limit of {limit}"
         )
 
@@ -181,9 +182,11 @@ class SetPointRule(Frozen):
     def at_cycle(self, cycle: float) -> FloatArray:
         """Return bounds on set-points at a cycle, so that the controller reads no excess.
 
-        If the controller reads every c seconds the lines between set-points that are h > c apart,
+        If the controller reads every c seconds the lines between set-points that are h >= c apart,
         the velocity changes by Δv at a set-point within one cycle c. The acceleration that it reads
-        is Δv / c, the jerk Δv / c². So the acceleration over h is at most `min(A c / h, J c² / h)`.
+        is Δv / c, the jerk Δv / c². If h < 2 c, it may read two such changes at once, and then a
+        jerk of (3 - h / c) Δv / c². So the acceleration over h is at most the smaller of `A c / h`
+        and `J c² / h / max(1, 3 - h / c)`.
 
         - `cycle`: time h between set-points [s].
         """
@@ -192,7 +195,7 @@ class SetPointRule(Frozen):
             return self.bounds
         bounds = self.bounds.copy()
         from_acceleration = self.bounds[2] * read / cycle
-        from_jerk = self.bounds[3] * read**2 / cycle
+        from_jerk = self.bounds[3] * read**2 / cycle / max(1.0, 3.0 - cycle / read)
         bounds[2] = _intersection(from_acceleration, from_jerk)
         bounds[3] = NO_BOUND
         return bounds

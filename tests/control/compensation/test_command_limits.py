@@ -15,7 +15,7 @@ from armcontour.files.exports import CsvFormat, export, make_table
 from armcontour.files.result_folder import to_json
 from armcontour.report import render_report
 
-# Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities in the whole ranges, as the arm's.
+# Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities of the arm, in its whole ranges.
 LIBFRANKA = ac.Limits(
     joint_velocity=[2.0, 1.0, 1.5, 1.25, 3.0, 1.5, 3.0],
     joint_acceleration=10 - 1e-3,

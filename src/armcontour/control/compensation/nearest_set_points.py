@@ -73,10 +73,11 @@ def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoin
     else:
         assert joint is not None
         _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
+        sources = ", ".join(dict.fromkeys(filter(None, set_points.rule.sources)))
         raise CompensationError(
-            f"No set-points of joint {joint + 1} satisfy their limits "
-            f"({', '.join(filter(None, set_points.rule.sources))}) and reach the ends of the plan, "
-            f"even with {LONGEST_TAIL:g} s more before and after the plan. Plan a slower motion.",
+            f"No set-points of joint {joint + 1} satisfy their limits ({sources}) and reach the "
+            f"ends of the plan, even with {LONGEST_TAIL:g} s more before and after the plan. Plan "
+            "a slower motion.",
             joint=joint,
         )
     longer = replace(set_points, q=nearest, start_time=set_points.start_time - extra * cycle)

@@ -241,7 +241,10 @@ class RosYamlFormat(ExportFormat):
         """Return the format with tolerances of a run's execution, if they are requested.
 
         Args:
-            options, result, data, arm: As in `ExportFormat.of_run`.
+            options: The exports of the job.
+            result: The run.
+            data: What is exported.
+            arm: The arm.
         """
         if isinstance(data, Trajectory) or not options.tolerances or result.execution is None:
             return self
