@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints
 from armcontour.motion.nearest_commands import find_excess, nearest_commands
-from armcontour.motion.set_point_rule import USER
+from armcontour.motion.set_point_rule import ACCELERATION, USER, intersection
 from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
@@ -33,7 +34,9 @@ UNLIMITED = np.array([[-np.inf], [np.inf]])
 def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None = None) -> SetPoints:
     """Replace set-points by the nearest ones within their rule.
 
-    If nobody states the limits, and the plan itself exceeds them, the set-points stay as they are.
+    If the plan exceeds an assumed limit where the controller reads lines between its set-points,
+    this limit counts at the set-points only, and if the plan exceeds it there as well, not at all.
+    If nobody states a limit, and the plan exceeds its own, the set-points stay as they are.
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
@@ -42,19 +45,27 @@ def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None =
         CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
             set-points satisfy it.
     """
+    rule = set_points.rule
+    stated = rule.without_assumed().at_cycle(set_points.cycle)
+    at_set_points = stated.copy()
+    at_set_points[ACCELERATION] = intersection(stated[ACCELERATION], rule.bounds[ACCELERATION])
+    for bounds in (rule.at_cycle(set_points.cycle), at_set_points):
+        with suppress(CompensationError):
+            return _limit(set_points, bounds, servo, arm)
     try:
-        return _limit(set_points, servo, arm)
+        return _limit(set_points, stated, servo, arm)
     except CompensationError:
-        if set_points.rule.is_stated:
+        if rule.is_stated:
             raise
         return set_points
 
 
-def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoints:
-    """Replace set-points by the nearest ones within their rule; see `limit_set_points`."""
+def _limit(
+    set_points: SetPoints, bounds: FloatArray, servo: ServoModel, arm: Arm | None
+) -> SetPoints:
+    """Replace set-points by the nearest ones within bounds; see `limit_set_points`."""
     dof = set_points.q.shape[1]
     cycle = set_points.cycle
-    bounds = set_points.rule.at_cycle(cycle)
     if find_excess(set_points.q, cycle, bounds) is None:
         return set_points
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
