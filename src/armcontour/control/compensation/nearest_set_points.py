@@ -116,6 +116,10 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     limit = f"{excess.allowed:.6g} {unit}"
     source = set_points.rule.sources[excess.order]
     increase = ", or increase the command limit" if source == USER else ""
+    read = set_points.rule.cycle
+    if excess.order == ACCELERATION and read is not None and read < cycle:
+        source = f"because the controller reads the lines between them every {read * 1e3:g} ms"
+        increase = f", or use a cycle of {read * 1e3:g} ms"
     raise CompensationError(
         f"The plan must stay within the limit {name} of its set-points, {limit} ({source}), but "
         f"joint {joint + 1} has {excess.needed:.6g} {unit} at t = {time:.6g} s. Set-points within "
