@@ -36,7 +36,8 @@ def test_the_smaller_limit_counts_and_replaces_an_assumed_one():
     # Of the user and of controllers, in any order
     ros = facts_of_format("ros-yaml")
     franka = dataclasses.replace(facts_of_player("franka"), limits=ac.Limits(joint_velocity=2.5))
-    for targets in ((ros, franka), (franka, ros)):
+    ur = facts_of_format("urscript")
+    for targets in ((ros, franka, ur), (ur, franka, ros)):
         rule = make_rule(PLAN, 2, wide, targets)
         assert upper(rule) == [[2.0, 2.5], [5.0, 6.0], [1e4, 1e4]]
         assert rule.sources == ("", franka.title, ros.title, "command_limits")
