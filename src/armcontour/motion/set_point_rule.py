@@ -172,7 +172,7 @@ class SetPointRule(Frozen):
                 continue
             if sources[order] == ASSUMED:
                 tightened[order] = NO_BOUND
-            before = tightened[order]
+            before = tightened[order].copy()
             tightened[order] = _intersection(before, given)
             if (tightened[order] != before).any():
                 sources[order] = source
