@@ -81,7 +81,7 @@ runs: {compensated: {}}
 """
 # Period of ABB's points, and of the plan in all formats [s].
 POINT_PERIOD = 48e-3
-CYCLE = 4e-3  # Period of set-points of the UR5e [s]
+CYCLE = 2e-3  # Period of set-points of the UR5e [s]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import short_repr
+from armcontour.core.text import capitalise, short_repr
 from armcontour.motion.cycle import check_cycle
 from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule, SetPointUse, make_rule
 from armcontour.motion.trajectory import Trajectory
@@ -376,7 +376,7 @@ def check_set_points(set_points: SetPoints) -> None:
     if excess is None:
         return
     raise CompensationError(
-        describe_excess(excess, set_points),
+        capitalise(describe_excess(excess, set_points)),
         t=float(set_points.t[0]) + excess.t,
         joint=excess.joint,
         limit=excess.limit,
@@ -386,7 +386,10 @@ def check_set_points(set_points: SetPoints) -> None:
 
 
 def describe_excess(excess: SetPointExcess, set_points: SetPoints) -> str:
-    """Write which set-points exceed which limit, whose limit it is, and what to do."""
+    """Write which set-points exceed which limit, whose limit it is, and what to do.
+
+    The first letter is small.
+    """
     unit = unit_of(set_points.trajectory.arm, LIMITS[excess.limit].unit, excess.joint)
     found = excess.describe(f"joint {excess.joint + 1}", unit, float(set_points.t[0]))
-    return f"The {found}. {excess.remedy}"
+    return f"the {found}. {excess.remedy}"

@@ -28,8 +28,9 @@ PLAN = "limits"
 USER = "command_limits"
 ASSUMED = "assumed"
 NONE = ""
-# Set-points whose use of a limit is within this share of it are limited by it.
-AT_LIMIT = 1e-6
+# Set-points whose use of a limit is within this share of it are limited by it. The nearest
+# set-points leave room for their digits, at a cycle of 0.1 ms about this share.
+AT_LIMIT = 1e-3
 ACCELERATION = BY_ORDER.index("joint_acceleration")
 NO_BOUND = np.array([[-np.inf], [np.inf]])
 
@@ -75,8 +76,8 @@ class SetPointExcess(NamedTuple):
             )
         what = self.limit.removeprefix("joint_")
         return (
-            f"set-points of {joint} have a {what} of {self.needed:.6g} {unit} {time}, "
-            f"{self.ratio:.3g} times the limit of {limit}"
+            f"set-points of {joint} reach {self.needed:.6g} {unit} {time}, {self.ratio:.3g} times "
+            f"the {what} limit of {limit}"
         )
 
     @property

@@ -33,6 +33,7 @@ from armcontour.files.exports.formats import (
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.controller_facts import facts_of_format
+from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule
 from armcontour.robot import Arm
 from armcontour.robot.limits import LIMITS
 
@@ -154,22 +155,35 @@ class Exporting:
         controller = facts_of_format(self.format.label)
         if controller is not None:
             rule = rule.of_controller(controller)
+        known = {x.limit for x in table.rule.judge(table.q, table.cycle).excesses}
         sentences = []
         for excess in rule.judge(table.q, table.cycle).excesses:
             joint = excess.joint
             unit = joint_units(LIMITS[excess.limit].unit, table.prismatic)[joint]
             found = f"the {excess.describe(table.joint_names[joint], unit)}"
+            remedy = excess.remedy
+            if excess.limit not in known:
+                # The set-points keep the limits with which they were computed.
+                remedy = (
+                    f"Compute set-points for this format: armcontour run JOB --export "
+                    f"{self.format.label}. {self._python_remedy(excess, rule, table)}"
+                )
             if not excess.is_assumed:
                 raise InvalidInput(
-                    f"{capitalise(found)}. Compute set-points for this format: armcontour run "
-                    f"JOB --export {self.format.label}. In Python, compensate with command_limits "
-                    f"whose {excess.limit} is this limit.",
+                    f"{capitalise(found)}. {remedy}",
                     joint=joint,
                     needed=excess.needed,
                     allowed=excess.allowed,
                 )
-            sentences.append(f"{found}. {excess.remedy}")
+            sentences.append(f"{found}. {remedy}")
         return sentences
+
+    @staticmethod
+    def _python_remedy(excess: SetPointExcess, rule: SetPointRule, table: SetPointTable) -> str:
+        """Write how to compute other set-points in Python, as a sentence."""
+        if rule.cycle is not None and rule.cycle < table.cycle:
+            return f"In Python, compensate with the controller's cycle of {rule.cycle:g} s."
+        return f"In Python, compensate with command_limits whose {excess.limit} is this limit."
 
     def check_compensation(self, name: str, is_plan: bool) -> None:
         """Refuse set-points that differ from the plan if the controller plans the motion itself."""
