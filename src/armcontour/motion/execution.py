@@ -257,7 +257,8 @@ class LimitCost(Frozen):
     Args:
         deviation: Largest change of the set-points of each joint [rad], (dof,).
         contour_rms: RMS contour error that the changes cause according to the servo model, if the
-            set-points without limits cause none [m]; None if the plan has no arm or no path.
+            set-points without limits cause none and no joint saturates [m]; None if the plan has no
+            arm or no path.
         contour_max: Largest such contour error [m], or None.
         arm: The arm, for units; None if unknown.
     """
@@ -273,7 +274,9 @@ class LimitCost(Frozen):
         change = number(self.deviation[j], unit_of(self.arm, "rad", j))
         text = f"up to {change} at joint {j + 1}"
         largest = self.contour_max
-        return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
+        if largest is None:
+            return text
+        return f"{text}, contour error {number(largest, 'm')} if no joint saturates"
 
 
 @declared(eq=False)

@@ -225,14 +225,15 @@ def export(
 
     Warns:
         UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
-            an event or set an analog output, because no output is named; or a program has more than
-            10,000 points.
+            an event or set an analog output, because no output is named; a program has more than
+            10,000 points; or set-points exceed an assumed limit.
 
     Raises:
         InvalidInput: No format has the extension, an output belongs to an unknown event, the format
             does not wait for inputs or an input is not named, the template has an error, the format
             does not support the data (a controller that plans the motion itself, as with kuka and
-            abb, needs the trajectory), or the file cannot be written.
+            abb, needs the trajectory), set-points exceed a limit of the plan, the user or the
+            controller, or the file cannot be written.
     """
     destination = FilePath(file)
     named = format_of(destination) if format is None else format
