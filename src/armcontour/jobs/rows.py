@@ -423,8 +423,7 @@ def _plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 
 
 # Set-points and plan.
-# Limits of set-points that are compared with those of the plan, by order. Tables that compare runs
-# have no room for them.
+# Limits of set-points that the first screen compares with those of the plan, by order.
 SHARES = {1: "joint_velocity", 2: "joint_acceleration"}
 
 

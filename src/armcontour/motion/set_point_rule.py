@@ -75,9 +75,10 @@ class SetPointExcess(NamedTuple):
                 f"of {limit}"
             )
         what = self.limit.removeprefix("joint_")
+        article = "an" if what == "acceleration" else "a"
         return (
-            f"set-points of {joint} reach {self.needed:.6g} {unit} {time}, {self.ratio:.3g} times "
-            f"the {what} limit of {limit}"
+            f"set-points of {joint} have {article} {what} of {self.needed:.6g} {unit} {time}, "
+            f"{self.ratio:.3g} times the limit of {limit}"
         )
 
     @property
@@ -89,7 +90,8 @@ class SetPointExcess(NamedTuple):
             return (
                 "No maker states this limit. If your controller accepts more, specify "
                 "command_limits.joint_acceleration (inf for no limit). Otherwise compensate by the "
-                "method inverse, whose set-points keep the limit, or plan a slower motion."
+                "method inverse at the controller's cycle, whose set-points keep the limit, or "
+                "plan a slower motion."
             )
         return "Compensate by the method inverse, or plan a slower motion."
 
@@ -137,6 +139,16 @@ class SetPointRule(Frozen):
         """True if the user or a controller states a limit, and not only the plan."""
         return bool(set(self.sources) - {PLAN, ASSUMED, NONE})
 
+    def without_assumed(self) -> SetPointRule:
+        """Return the rule without an assumed limit."""
+        if self.sources[ACCELERATION] != ASSUMED:
+            return self
+        bounds = self.bounds.copy()
+        bounds[ACCELERATION] = NO_BOUND
+        sources = list(self.sources)
+        sources[ACCELERATION] = NONE
+        return replace(self, bounds=bounds, sources=tuple(sources))
+
     def within(self, limits: Limits, source: str) -> SetPointRule:
         """Return the rule within further limits of set-points. They replace assumed ones.
 
@@ -159,7 +171,7 @@ class SetPointRule(Frozen):
         bounds = command_bounds(controller.limits, self.bounds.shape[2])
         for order, factor in (1, controller.velocity_factor), (2, controller.acceleration_factor):
             if factor is not None:
-                bounds[order] = _intersection(bounds[order], factor * self.plan[order])
+                bounds[order] = intersection(bounds[order], factor * self.plan[order])
         cycles = [x for x in (self.cycle, controller.cycle) if x is not None]
         rule = self._tightened(bounds, controller.title)
         return replace(rule, cycle=min(cycles, default=None), effect=controller.effect)
@@ -173,18 +185,20 @@ class SetPointRule(Frozen):
                 continue
             if sources[order] == ASSUMED:
                 tightened[order] = NO_BOUND
-            before = tightened[order].copy()
-            tightened[order] = _intersection(before, given)
-            if (tightened[order] != before).any():
+            narrower = intersection(tightened[order], given)
+            if (narrower != tightened[order]).any():
                 sources[order] = source
+            tightened[order] = narrower
         return replace(self, bounds=tightened, sources=tuple(sources))
 
     def at_cycle(self, cycle: float) -> FloatArray:
         """Return bounds on set-points at a cycle, so that the controller reads no excess.
 
-        If the controller reads every c seconds the lines between set-points that are h > c apart,
+        If the controller reads every c seconds the lines between set-points that are h >= c apart,
         the velocity changes by Δv at a set-point within one cycle c. The acceleration that it reads
-        is Δv / c, the jerk Δv / c². So the acceleration over h is at most `min(A c / h, J c² / h)`.
+        is Δv / c, the jerk Δv / c². If h < 2 c, it may read two such changes at once, and then a
+        jerk of (3 - h / c) Δv / c². So the acceleration over h is at most the smaller of `A c / h`
+        and `J c² / h / max(1, 3 - h / c)`.
 
         - `cycle`: time h between set-points [s].
         """
@@ -193,8 +207,8 @@ class SetPointRule(Frozen):
             return self.bounds
         bounds = self.bounds.copy()
         from_acceleration = self.bounds[2] * read / cycle
-        from_jerk = self.bounds[3] * read**2 / cycle
-        bounds[2] = _intersection(from_acceleration, from_jerk)
+        from_jerk = self.bounds[3] * read**2 / cycle / max(1.0, 3.0 - cycle / read)
+        bounds[2] = intersection(from_acceleration, from_jerk)
         bounds[3] = NO_BOUND
         return bounds
 
@@ -320,7 +334,7 @@ def _bounds_of_data(data: Any) -> FloatArray:
     return np.where(np.isnan(bounds), [[-np.inf], [np.inf]], bounds)
 
 
-def _intersection(first: FloatArray, second: FloatArray) -> FloatArray:
+def intersection(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the tighter of two pairs of bounds, (2, dof)."""
     return np.stack([np.maximum(first[0], second[0]), np.minimum(first[1], second[1])])
 
