@@ -50,9 +50,7 @@ def test_errors_of_learning_are_computed_from_encoder_positions(job, plan, execu
 
 
 def test_limits_exceeded_before_learning_are_reported(job, plan, job_result):
-    assert not any(
-        "exceed limits" in x for x in dataclasses.replace(job_result, plan=plan).notes
-    )
+    assert not any("exceed limits" in x for x in dataclasses.replace(job_result, plan=plan).notes)
     rate = np.abs(np.diff(plan.set_points.q, axis=0)).max(axis=0) / plan.set_points.cycle
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
     set_points = dataclasses.replace(plan.set_points, trajectory=trajectory, rule=None)

@@ -321,8 +321,8 @@ class SharedModel:
 
     Args:
         limits: Limits that replace limits of the arm; `inf` removes a limit.
-        command_limits: Limits of the set-points, as the controller checks them. Of these, the ranges
-            and velocities in `limits`, and the limits of the controller, the smaller ones count.
+        command_limits: Limits of the set-points, as the controller checks them. The ranges and
+            velocities in `limits` and the controller's limits apply, too: the smaller one counts.
         corners: Rounding of corners; `sharp`, the default, means no rounding.
         cycle: Time between set-points [s]; by default 4 ms.
         speed_factor: Fraction of the planned speed, for a first, slow run on the robot: contours,

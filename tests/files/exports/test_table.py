@@ -163,9 +163,7 @@ def test_pandas_reads_an_exported_csv_file(table, tmp_path, dof):
     exported = table(dof)
     for decimals, cycle in ((7, 0.008), (9, 0.001), (12, CYCLE), (9, CYCLE)):
         rule = make_rule(ac.Limits(), dof) if decimals == 12 else None
-        exported = dataclasses.replace(
-            exported, t=np.arange(9) * cycle, cycle=cycle, rule=rule
-        )
+        exported = dataclasses.replace(exported, t=np.arange(9) * cycle, cycle=cycle, rule=rule)
         CsvFormat().write(exported, tmp_path / "a.csv")
         columns = pd.read_csv(tmp_path / "a.csv")
         assert len(columns.columns) == 1 + 3 * dof + 1
