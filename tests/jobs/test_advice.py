@@ -66,7 +66,13 @@ JOBS = {
         "runs": {"one": {"timing": {"reserve": "2 %"}}},
     },
 }
-REPAIRED = ("too wide", "late", "soft", "limited set-points")
+# A controller that reads lines between set-points allows half of their acceleration.
+JOBS["lines between set-points"] = {
+    **JOBS["limited set-points"],
+    "cycle": "4 ms",
+    "export": {"formats": ["urscript"]},
+}
+REPAIRED = ("too wide", "late", "soft", "limited set-points", "lines between set-points")
 
 
 def run_of(data, folder):
