@@ -28,8 +28,9 @@ PLAN = "limits"
 USER = "command_limits"
 ASSUMED = "assumed"
 NONE = ""
-# Set-points whose use of a limit is within this share of it are limited by it.
-AT_LIMIT = 1e-6
+# Set-points whose use of a limit is within this share of it are limited by it. The nearest
+# set-points leave room for their digits, at a cycle of 0.1 ms about this share.
+AT_LIMIT = 1e-3
 ACCELERATION = BY_ORDER.index("joint_acceleration")
 NO_BOUND = np.array([[-np.inf], [np.inf]])
 

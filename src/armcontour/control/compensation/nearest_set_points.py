@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,7 +76,8 @@ def _limit(
     for extension in (extension_of(servo, bounds), LONGEST_TAIL):
         extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
-        nearest, joint = nearest_commands(q, cycle, bounds)
+        start = set_points.start_time - extra * cycle
+        nearest, joint = _nearest_between_waits(q, start, set_points, bounds)
         if joint is None:
             break
     else:
@@ -88,8 +90,34 @@ def _limit(
             "a slower motion.",
             joint=joint,
         )
-    longer = replace(set_points, q=nearest, start_time=set_points.start_time - extra * cycle)
+    longer = replace(set_points, q=nearest, start_time=start)
     return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
+
+
+def _nearest_between_waits(
+    q: FloatArray, start: float, set_points: SetPoints, bounds: FloatArray
+) -> tuple[FloatArray, int | None]:
+    """Return the nearest set-points, which rest at waits for inputs as before; see `_limit`.
+
+    Between two waits, they are found as those of a motion from rest to rest.
+
+    - `q`: extended set-points [rad], (n, dof).
+    - `start`: time of the first of them [s].
+    """
+    cycle = set_points.cycle
+    waits = {round((x.t - start) / cycle) for x in set_points.trajectory.waits}
+    ends = [0, *sorted(x for x in waits if 0 < x < len(q) - 1), len(q) - 1]
+    nearest = q.copy()
+    for first, last in pairwise(ends):
+        piece, joint = nearest_commands(q[first : last + 1], cycle, bounds)
+        if joint is not None:
+            break
+        nearest[first : last + 1] = piece
+    else:
+        if find_excess(nearest, cycle, bounds) is None:
+            return nearest, None
+    # Where the rests are too short for this, the set-points move at the waits.
+    return nearest_commands(q, cycle, bounds)
 
 
 def extension_of(servo: ServoModel, bounds: FloatArray) -> float:
