@@ -72,7 +72,7 @@ def test_dry_runs_move_nothing(job):
 
 
 def test_excitation_is_within_limits_from_rest_to_rest(job):
-    played_job, plan = plan_played(job, None)
+    played_job, plan = plan_played(job, Simulated(), None)
     motion = excite(played_job, plan.run.limits, plan.trajectory, 1e-3)
     begin = plan.trajectory(0.0)
     np.testing.assert_allclose(motion.q[[0, -1]], [begin, begin], atol=1e-12)
@@ -84,7 +84,7 @@ def test_excitation_is_within_limits_from_rest_to_rest(job):
 
 
 def test_a_joint_at_the_end_of_its_range_is_not_excited(job):
-    played_job, plan = plan_played(job, None)
+    played_job, plan = plan_played(job, Simulated(), None)
     limits = plan.run.limits.replace(joint_lower=plan.trajectory(0.0))
     with pytest.raises(ControllerRefused, match="end of its range"):
         excite(played_job, limits, plan.trajectory, 1e-3)

@@ -65,7 +65,7 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     learned = options.set_points
     is_learned = learned is not None
     speed = player.start_override(choose_run(job, name, "played"), learned=is_learned)
-    job, plan = player.plan_kept(job, name, is_learned, speed, progress)
+    job, plan = player.plan_kept(job, controller, name, is_learned, speed, progress)
     if stop is not None:
         check_configuration(plan, stop)
     ready = player.prepare_motion(

@@ -35,11 +35,10 @@ from armcontour.core.quantities import (
     Quantity,
     SpeedFactor,
     any_unit,
-    joint_units,
 )
 from armcontour.core.render import Result, figure, number
 from armcontour.core.result import FIRST, JUDGED, VERDICT, Data, Row
-from armcontour.core.sampled_data import differences, interpolate
+from armcontour.core.sampled_data import interpolate
 from armcontour.core.text import list_some
 from armcontour.core.validity import AS_MODELLED, AT_ENCODERS, OF_LOGS, OF_SIMULATION
 from armcontour.jobs.alternatives import clearance_of
@@ -51,13 +50,14 @@ from armcontour.jobs.run_result import RunResult
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.jobs.verdict import Errors
 from armcontour.motion import Execution, JointPath, Log, SetPoints, Trajectory
+from armcontour.motion.controller_facts import ControllerFacts, facts_of_player
 from armcontour.motion.log import FEWEST
 from armcontour.planning import Optimal, at_speed, plan
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.program import contour_called
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.arm import unit_of
-from armcontour.robot.limit_use import use_of
+from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
@@ -88,8 +88,6 @@ PLAYED_JERK_RESERVE = 0.05
 LEAST_MOVED_SHARE = 0.1
 # A whole turn [rad], which no joint moves to the start.
 APPROACH_TURN = 2 * np.pi
-# Relative excess of a limit that is ignored as a rounding error.
-SET_POINT_LIMIT_ROUNDING = 1e-6
 # Two plans are the same if their durations [s] and their joint positions at half of the duration
 # [rad] differ by at most this.
 SAME_PLAN = 1e-9
@@ -392,7 +390,7 @@ def play(
     start = start_override(choose_run(job, run_name, "played"), learned=learned)
     wanted = start if override is None else override
     begin = wanted() if callable(wanted) else wanted
-    played_job, planned = plan_kept(job, run_name, learned, begin, progress)
+    played_job, planned = plan_kept(job, controller, run_name, learned, begin, progress)
     if resume is not None:
         check_configuration(planned, resume)
     ready = prepare_motion(
@@ -422,7 +420,12 @@ def start_override(run: Run, *, learned: bool) -> float:
 
 
 def plan_kept(
-    job: Job, run_name: str | None, learned: bool, speed: float, progress: Progress | None
+    job: Job,
+    controller: Controller,
+    run_name: str | None,
+    learned: bool,
+    speed: float,
+    progress: Progress | None,
 ) -> tuple[Job, RunResult]:
     """Plan the run of `play` for full speed; for the speed at the start if only that is kept.
 
@@ -432,12 +435,14 @@ def plan_kept(
     Raises:
         ControllerRefused: In the simulation, the run exceeds a limit or the allowed error.
     """
-    played_job, planned = plan_played(job, run_name, at_full_speed=not learned, progress=progress)
+    played_job, planned = plan_played(
+        job, controller, run_name, at_full_speed=not learned, progress=progress
+    )
     if planned.kept is False and not learned and 0.0 < speed < 1.0:
         # Without compensation, the error of many runs is only allowed at a low speed.
         chosen = replace(choose_run(job, run_name, "played"), speed_factor=speed)
         slow_job = replace(job, runs=(chosen,))
-        played_job, planned = plan_played(slow_job, None, progress=progress)
+        played_job, planned = plan_played(slow_job, controller, None, progress=progress)
     if planned.kept is False:
         raise ControllerRefused(
             f"In the simulation, run {planned.run.name} exceeds a limit or the allowed error. "
@@ -459,6 +464,7 @@ def override_of_plan(planned: RunResult, override: Callable[[], float]) -> Calla
 
 def plan_played(
     job: Job,
+    controller: Controller,
     run_name: str | None,
     *,
     at_full_speed: bool = False,
@@ -468,6 +474,7 @@ def plan_played(
     """Plan a run as it is played; return the job with this run, and the result.
 
     The run has all limits of the arm, and at least the reserve, also for changes of the override.
+    Its set-points are within the limits of the controller at the controller's cycle.
 
     - `at_full_speed`: whether the run's speed factor is ignored.
 
@@ -488,7 +495,11 @@ def plan_played(
     )
     factor = None if at_full_speed else chosen.speed_factor
     played_run = replace(chosen, limits=limits, timing=timing, speed_factor=factor)
-    played_job = replace(job, runs=(played_run,))
+    known = facts_of_player(controller.name)
+    if known is None:
+        known = ControllerFacts(name=controller.name, title=controller.name)
+    played_on = replace(known, cycle=controller.cycle)
+    played_job = replace(job, runs=(played_run,), played_on=played_on)
     return played_job, run(played_job, progress=progress).runs[chosen.name]
 
 
@@ -526,8 +537,7 @@ def prepare_motion(
         for_play=True,
     )
     checked = controller.check(job.arm, planned.run.limits, rows.q)
-    is_safe = controller.simulates or job.servo.contour_ratio is not None
-    checked.append(_check_accelerations(planned.run, points, is_safe))
+    checked += _check_set_points(planned, points, rows.q, controller)
     t = points.times(len(rows.q), controller.cycle)
     return Played(
         job=job,
@@ -940,23 +950,28 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult) -> None:
         )
 
 
-def _check_accelerations(run: Run, points: SetPoints, is_safe: bool) -> Row:
-    """Compare the set-points' accelerations with the limits; return the ratio per joint."""
-    limits = run.limits
-    use = use_of("joint_acceleration", limits, differences(points.q, 2) / points.cycle**2)
-    i, j = divmod(int(use.ratio.argmax()), use.ratio.shape[1])
-    needed = float(use.value[i, j])
-    ratio = float(use.ratio[i, j])
-    if ratio > 1 + SET_POINT_LIMIT_ROUNDING and not is_safe:
-        unit = joint_units("rad/s^2", limits.prismatic or (False,) * (j + 1))[j]
+def _check_set_points(
+    planned: RunResult, points: SetPoints, q: FloatArray, controller: Controller
+) -> list[Row]:
+    """Judge set-points as the controller reads them; return the shares of the plan's limits.
+
+    - `q`: rows of the controller [rad], (n, dof).
+
+    Raises:
+        ControllerRefused: The set-points exceed a limit; also one that is only assumed.
+    """
+    use = replace(points.rule, cycle=controller.cycle).judge(q, controller.cycle)
+    for excess in use.excesses:
+        unit = unit_of(planned.arm, LIMITS[excess.limit].unit, excess.joint)
+        found = excess.describe(f"joint {excess.joint + 1}", unit)
         raise ControllerRefused(
-            f"The set-points of run {run.name} demand {number(needed, unit)} of joint "
-            f"{j + 1}, above its limit {number(needed / ratio, unit)}, because they "
-            "compensate a servo that was not identified. Identify it (armcontour identify --on), "
-            "and copy the key servo of servo.yaml, with contour_ratio, to the job. Or play without "
-            f"compensation (--set runs.{run.name}.compensation.method=none).",
-            joint=j,
-            needed=needed,
-            allowed=needed / ratio,
+            f"Run {planned.run.name}: the {found}. {excess.remedy}",
+            joint=excess.joint,
+            needed=excess.needed,
+            allowed=excess.allowed,
         )
-    return Row("command_use", use.ratio.max(axis=0), "1", "set-point acceleration", "of the limit")
+    rows = []
+    for name, share in use.shares.items():
+        label = f"set-point {name.removeprefix('joint_')}"
+        rows.append(Row(f"set_points.{name}", share, "1", label, "of the plan's limit"))
+    return rows

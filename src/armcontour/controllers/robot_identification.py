@@ -159,7 +159,7 @@ def prepare_identification(
     chosen = choose_run(job, run_name, "identified")
     uncompensated = replace(chosen, compensation=NoCompensation(), accuracy=None)
     job, planned = plan_played(
-        replace(job, runs=(uncompensated,)), None, reserve=reserve, progress=progress
+        replace(job, runs=(uncompensated,)), controller, None, reserve=reserve, progress=progress
     )
     ready = prepare_motion(job, planned, controller, lag=BAND_LAG_OF_UNKNOWN_SERVO)
     excitation = excite(job, planned.run.limits, planned.trajectory, controller.cycle)

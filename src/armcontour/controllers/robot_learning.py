@@ -142,7 +142,9 @@ def start_learning(
     Raises:
         InvalidInput: The commands of a log differ from the set-points of its run.
     """
-    played_job, plan = plan_played(job, run_name, reserve=reserve, progress=player.progress)
+    played_job, plan = plan_played(
+        job, player.controller, run_name, reserve=reserve, progress=player.progress
+    )
     result = RobotLearning(job=played_job, plan=plan)
     for log in logs:
         _check_commands(result, log, player.controller.cycle)

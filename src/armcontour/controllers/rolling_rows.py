@@ -5,7 +5,8 @@ stops on the path. The next chunk replaces the stop before it begins. If no furt
 whatever reason, the robot executes the stop.
 
 The set-points of each chunk are compensated anew, because those of a slower motion differ from
-slower set-points.
+slower set-points. Limits of set-points need no memory: what was sent stays, and the set-points of
+the chunk are the nearest ones whose differences, also with the last sent ones, are within limits.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import numpy as np
 
 from armcontour.control.compensation import CompensationOptions
 from armcontour.control.compensation.compensator import unchecked_set_points
+from armcontour.control.compensation.nearest_set_points import extension_of
+from armcontour.control.compensation.set_point_times import LONGEST_TAIL
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, NotRealizable
@@ -26,6 +29,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import AtLeast, Axes, Quantity
 from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints, Trajectory
+from armcontour.motion.nearest_commands import nearest_commands
 from armcontour.planning.override import Pace
 from armcontour.planning.override_ramps import override_of
 from armcontour.robot import Arm
@@ -46,6 +50,8 @@ LONGEST_FORESIGHT = 256
 # time constants of the servo: an earlier motion has no effect.
 COMPENSATED_TIME = 5.5
 MEMORY = 36.0
+# Set-points of this order of differences, and of lower ones, have limits.
+DIFFERENCES = 3
 # Learned corrections fade out in this time if the override is not 100 %, and in if it is [s].
 CORRECTION_FADING = 0.2
 # Rates that differ less from 1 are 1.
@@ -110,6 +116,8 @@ class Chunk(Checked):
         braked: Whether the stop of the chunk before had begun.
         pause_at: Time of the plan at which the motion pauses, at the end of a contour [s]; infinite
             without a pause.
+        set_points: Set-points from which the rows are sampled [rad], (m, dof).
+        first: Index of the first of them in the motion.
     """
 
     k: Annotated[int, AtLeast(0)]
@@ -123,6 +131,8 @@ class Chunk(Checked):
     ends: bool
     braked: bool = False
     pause_at: float = math.inf
+    set_points: Annotated[FloatArray, Quantity("rad"), Axes("m", "joints")]
+    first: Annotated[int, AtLeast(0)]
 
     @property
     def pauses(self) -> bool:
@@ -139,6 +149,16 @@ class Chunk(Checked):
             end: The cycle after the last one.
         """
         return np.asarray(self.q[np.clip(np.arange(first, end) - self.k, 0, len(self.q) - 1)])
+
+    def set_points_between(self, first: int, end: int) -> FloatArray:
+        """Return some set-points [rad], (end - first, dof); outside the chunk, the nearest one.
+
+        Args:
+            first: Index in the motion of the first one.
+            end: Index of the one after the last one.
+        """
+        indices = np.clip(np.arange(first, end) - self.first, 0, len(self.set_points) - 1)
+        return np.asarray(self.set_points[indices])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -248,8 +268,16 @@ class RollingRows:
             difference = self.q - rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
             if np.abs(difference).max() > SAME_ROW:
                 self._corrections = difference
+        rule = replace(set_points.rule, cycle=min(set_points.rule.cycle or math.inf, cycle))
+        bounds = rule.at_cycle(set_points.cycle)
+        # Bounds of set-points, (4, 2, dof); None if the compensation changes none.
+        self._bounds = bounds if options.compensates and np.isfinite(bounds).any() else None
+        self._unlimited = rule.without_limits
+        # Limited set-points reach the end of a motion at most so many cycles after the others.
+        extension = extension_of(servo.for_joints(plan.dof), bounds)
+        self._tails = [math.ceil(x / set_points.cycle) for x in (extension, LONGEST_TAIL)]
         self._memory = COMPENSATED_TIME
-        if options.is_local and options.command_limits is None:
+        if options.is_local:
             slowest = servo.for_joints(plan.dof)
             self._memory += MEMORY * float(slowest.lead[0].max(initial=0.0))
             if slowest.ki.any():
@@ -270,6 +298,10 @@ class RollingRows:
         pace = self._override.begin(_checked(override), ahead + self._look_ahead(FORESIGHT))
         window = self._window(pace, 0.0)
         weight = 1.0 if override == 1.0 else 0.0
+        if self._bounds is not None:
+            limited = self._limit(window, pace, None, 0, weight)
+            assert limited is not None
+            window = limited
         return self._chunk(pace, window, 0, weight, ends=False, braked=False)
 
     def next(
@@ -304,8 +336,8 @@ class RollingRows:
             is_paused = before.pace.scaling(max(t, 0.0)) >= pause_at - SAME_PLAN_TIME
             pace = self._override.change(before.pace, max(t, 0.0), 0.0 if is_paused else target)
             pace = pace.pausing_at(pause_at)
-            window = self._window(pace, t)
-            if self._keeps(window, before, k):
+            window = self._changed(pace, t, before, k)
+            if window is not None:
                 # The rest at a pause, or at the end of the plan, is not a stop that came too early.
                 is_due = before.rate.any() and not before.pauses and not before.pace.is_complete
                 braked = bool(is_due and t > before.pace.brake_time)
@@ -315,7 +347,7 @@ class RollingRows:
         raise NotRealizable(
             f"The set-points before cycle {k} depend on the motion after it, because the "
             f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
-            "poles or wider command limits."
+            "poles."
         )
 
     def _pause_time(self, before: Chunk, t: float) -> float:
@@ -338,9 +370,15 @@ class RollingRows:
         return float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
 
     def _compensate(self, trajectory: Trajectory) -> SetPoints:
-        """Compute the set-points of a trajectory, with the plan's compensation."""
-        cycle = self.set_points.cycle
-        return unchecked_set_points(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
+        """Compute the set-points of a trajectory with the plan's compensation, without limits."""
+        return unchecked_set_points(
+            trajectory,
+            self.servo,
+            self.options,
+            cycle=self.set_points.cycle,
+            arm=self.arm,
+            rule=self._unlimited,
+        )
 
     def _window(self, pace: Pace, t: float) -> _Compensated:
         """Compute the set-points of a motion that are needed from shortly before a time on [s]."""
@@ -353,17 +391,98 @@ class RollingRows:
             scaling = scaling.until(max(scaling.end, t) + 2 * FORESIGHT * cycle)
         moving = scaling.since(first * cycle).trajectory(self.set_points.trajectory)
         set_points = self._compensate(moving)
-        if abs(set_points.start_time - self._start_time) > SAME_ROW * cycle:
+        # Limited set-points begin earlier.
+        earlier = (set_points.start_time - self._start_time) / cycle
+        extra = round(earlier)
+        if abs(earlier - extra) > SAME_ROW or extra < 0:
             raise NotRealizable(
                 "The set-points of a slower motion start at another time than those of the plan."
             )
-        return _Compensated(set_points, first)
+        if not extra:
+            return _Compensated(set_points, first)
+        if first:
+            return _Compensated(set_points, first + extra)
+        q = np.pad(set_points.q, ((extra, 0), (0, 0)), mode="edge")
+        return _Compensated(replace(set_points, q=q), 0)
+
+    def _limit(
+        self, window: _Compensated, pace: Pace, before: Chunk | None, k: int, weight: float = 0.0
+    ) -> _Compensated | None:
+        """Return the set-points within their limits; those of rows before a cycle stay.
+
+        The sent set-points are hard conditions of the nearest ones. Only the last DIFFERENCES of
+        them enter differences of later ones, so that the result depends on nothing before them.
+
+        None if the set-points sent last would better have been others: the limits look ahead.
+
+        - `before`: the chunk before; None for the first chunk.
+        - `k`: the cycle from which on rows can change.
+        - `weight`: weight of learned corrections in the first row.
+        """
+        cycle = self.set_points.cycle
+        q = window.set_points.q
+        fixed = 1
+        if before is not None:
+            # The line to this set-point is executed before cycle k.
+            last = math.ceil((k - 1) * self.cycle / cycle - SAME_COUNT)
+            fixed = last + 1 - window.first
+            q = np.pad(q, ((0, max(fixed + 1 - len(q), 0)), (0, 0)), mode="edge")
+            weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
+        if self._corrections is not None:
+            numbers = np.arange(fixed, len(q), dtype=np.float64) + window.first
+            t = np.asarray(numbers * cycle + self._start_time, dtype=np.float64)
+            is_full = pace.scaling(np.maximum(t, pace.scaling.begin), 1) >= 1 - FULL_RATE
+            weights = _fade(is_full, weight, cycle / CORRECTION_FADING)
+            q = q.copy()
+            q[fixed:] += self._correct(_plan_clock(pace, t), weights)
+        if before is None:
+            return _Compensated(replace(window.set_points, q=self._nearest(q, fixed, k)), 0)
+        sent = before.set_points_between(window.first, window.first + fixed)
+        compared = max(fixed - math.ceil(COMPARED_TIME / cycle), before.first - window.first, 1)
+        if compared < fixed:
+            better = self._nearest(np.concatenate([sent[:compared], q[compared:]]), compared, k)
+            if np.abs(better[:fixed] - sent).max() > SAME_ROW:
+                return None
+        nearest = self._nearest(np.concatenate([sent, q[fixed:]]), fixed, k)
+        return _Compensated(replace(window.set_points, q=nearest), window.first)
+
+    def _nearest(self, q: FloatArray, fixed: int, k: int) -> FloatArray:
+        """Return the nearest set-points within the limits that end at rest, (m, dof).
+
+        - `q`: set-points [rad], (n, dof).
+        - `fixed`: number of set-points at the start that stay.
+        - `k`: the cycle, for messages.
+        """
+        assert self._bounds is not None
+        cycle = self.set_points.cycle
+        start = max(fixed - DIFFERENCES, 0)
+        joint = None
+        for tail in self._tails:
+            longer = np.pad(q[start:], ((0, tail), (0, 0)), mode="edge")
+            nearest, joint = nearest_commands(longer, cycle, self._bounds, fixed=fixed - start)
+            if joint is None:
+                return np.concatenate([q[:start], nearest])
+        assert joint is not None
+        raise NotRealizable(
+            f"No set-points of joint {joint + 1} from cycle {k} on are within their limits and "
+            "reach the end of the motion. Increase timing.reserve."
+        )
 
     def _sample(self, window: _Compensated, cycles: IntArray) -> FloatArray:
         """Sample set-points at cycles of the controller [rad], (n, dof)."""
         points = window.set_points
         t = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
         return sample_rows(points.q, points.cycle, self.servo.interpolation, t)
+
+    def _changed(self, pace: Pace, t: float, before: Chunk, k: int) -> _Compensated | None:
+        """Compute the set-points of a motion that changes at a time [s].
+
+        None if rows before cycle k would have to change.
+        """
+        window = self._window(pace, t)
+        if self._bounds is not None:
+            return self._limit(window, pace, before, k)
+        return window if self._keeps(window, before, k) else None
 
     def _keeps(self, window: _Compensated, before: Chunk, k: int) -> bool:
         """Return whether the rows before a cycle are those of the chunk before."""
@@ -416,7 +535,8 @@ class RollingRows:
         weights = np.ones(len(q))
         if self._corrections is not None:
             weights = _fade(rate >= 1 - FULL_RATE, weight, self.cycle / CORRECTION_FADING)
-            q = q + self._correct(plan_time, weights)
+            if self._bounds is None:
+                q = q + self._correct(plan_time, weights)
         times = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
         predicted = self.predict(Window(set_points=points, t=times, q=q, plan_time=plan_time))
         return Chunk(
@@ -430,6 +550,8 @@ class RollingRows:
             pace=pace,
             ends=ends,
             braked=braked,
+            set_points=points.q,
+            first=window.first,
         )
 
 

@@ -42,7 +42,6 @@ from armcontour.motion import DEFAULT_CYCLE, Method, Servoj, SetPointRule, check
 from armcontour.motion.controller_facts import (
     ControllerFacts,
     facts_of_format,
-    facts_of_player,
 )
 from armcontour.planning import FASTEST, Optimal, PlanOptions, check_duration
 from armcontour.planning.program_tracing import configuration_of
@@ -462,8 +461,7 @@ class Job(Checked):
             nor inputs if the process is off.
         part: Part frame, with which the path is already transformed.
         sources: Files from which the job was read, for reports.
-        player: Controller that plays the job, as in `play --on`, whose limits its set-points keep,
-            too.
+        played_on: Controller that plays the job, whose limits its set-points keep, too.
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
@@ -489,18 +487,16 @@ class Job(Checked):
     export: Exports = field(default_factory=Exports)
     part: Frame = field(default_factory=Frame)
     sources: tuple[SourceFile, ...] = ()
-    player: str = ""
+    played_on: ControllerFacts | None = None
     program: Program = field(init=False)
 
     @property
     def targets(self) -> tuple[ControllerFacts, ...]:
-        """Known controllers that get the set-points: those of the export formats, and the player.
+        """Known controllers that get the set-points: of the export formats, and that plays them.
 
         A controller that plans the motion itself gets no set-points.
         """
-        known = [facts_of_format(x) for x in self.export.formats]
-        if self.player:
-            known.append(facts_of_player(self.player))
+        known = [*(facts_of_format(x) for x in self.export.formats), self.played_on]
         return tuple(x for x in known if x is not None)
 
     def rule(self, run: Run, limits: Limits) -> SetPointRule:

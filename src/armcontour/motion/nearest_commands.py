@@ -126,7 +126,12 @@ def _excess_over_bounds(
 
 
 def nearest_commands(
-    q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
+    q: FloatArray,
+    cycle: float,
+    bounds: FloatArray,
+    otherwise: FloatArray | None = None,
+    *,
+    fixed: int = 1,
 ) -> tuple[FloatArray, int | None]:
     """Return set-points within bounds, with the smallest mean squared difference from `q`.
 
@@ -140,6 +145,7 @@ def nearest_commands(
     - `cycle`: cycle [s].
     - `bounds`: as from `command_bounds`.
     - `otherwise`: set-points for joints whose bounds cannot be satisfied.
+    - `fixed`: number of set-points at the start that do not change, and that are within the bounds.
     """
     commands = q.copy()
     for j in range(q.shape[1]):
@@ -147,7 +153,7 @@ def nearest_commands(
         if find_excess(q[:, j : j + 1], cycle, joint_bounds[:, :, None]) is None:
             continue
         narrower = _bounds_before_rounding(joint_bounds, cycle).tolist()
-        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower])
+        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower], fixed)
         if nearest is None:
             if otherwise is None:
                 return commands, j
@@ -158,26 +164,29 @@ def nearest_commands(
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def nearest_values(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
+def nearest_values(
+    values: FloatArray, bounds: Sequence[tuple[float, float]], fixed: int = 1
+) -> FloatArray | None:
     """Return the least-squares nearest values within bounds on values and differences.
 
-    The first and the last value do not change; before and after them the values are assumed
-    constant. The result is None if no values satisfy the bounds.
+    The `fixed` first values and the last one do not change; before and after all values they are
+    assumed constant. Differences of fixed values only are not compared. The result is None if no
+    values satisfy the bounds.
 
     - `values`: set-points of one joint, (n,).
     - `bounds`: lower and upper bounds of the values, then of their differences of orders 1, 2, ...
     """
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
-    if not orders or len(values) < 3:
+    if not orders or len(values) < fixed + 2:
         return values
-    scaled = _scale_bounds(values, bounds, orders)
+    scaled = _scale_bounds(values, bounds, orders, fixed)
     if scaled.excess <= 0:
         return values
     change = _smallest_change(scaled)
     if change is None:
         return None
     nearest = values.copy()
-    nearest[1:-1] += change
+    nearest[fixed:-1] += change
     return nearest
 
 
@@ -224,13 +233,17 @@ class _ScaledBounds(NamedTuple):
 
 
 def _scale_bounds(
-    values: FloatArray, bounds: Sequence[tuple[float, float]], orders: list[int]
+    values: FloatArray, bounds: Sequence[tuple[float, float]], orders: list[int], fixed: int
 ) -> _ScaledBounds:
-    """Make the scaled bounds of the given orders; missing bounds become very distant ones."""
+    """Make the scaled bounds of the given orders; missing bounds become very distant ones.
+
+    - `fixed`: number of values at the start that do not change.
+    """
     rooms = []
     scales = []
     for k in orders:
-        values_of_order = differences(values, k) if k else values[1:-1]
+        # Differences that contain an inner value
+        values_of_order = differences(values, k)[fixed - 1 :] if k else values[fixed:-1]
         largest = float(np.abs(values_of_order).max())
         distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds[k] if isfinite(x)))
         low = max(bounds[k][0], -distant)
@@ -238,7 +251,8 @@ def _scale_bounds(
         scales.append(2 / (high - low))
         rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
     cuts = np.cumsum([x.shape[1] for x in rooms])[:-1]
-    return _ScaledBounds(len(values) - 2, orders, scales, cuts, np.concatenate(rooms, axis=1))
+    size = len(values) - fixed - 1
+    return _ScaledBounds(size, orders, scales, cuts, np.concatenate(rooms, axis=1))
 
 
 def _smallest_change(scaled: _ScaledBounds) -> FloatArray | None:

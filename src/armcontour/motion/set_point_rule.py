@@ -136,6 +136,11 @@ class SetPointRule(Frozen):
         """True if the user or a controller states a limit, and not only the plan."""
         return bool(set(self.sources) - {PLAN, ASSUMED, NONE})
 
+    @property
+    def without_limits(self) -> SetPointRule:
+        """The rule without any limit."""
+        return replace(self, bounds=np.full_like(self.bounds, np.inf) * [[-1.0], [1.0]])
+
     def within(self, limits: Limits, source: str) -> SetPointRule:
         """Return the rule within further limits of set-points. They replace assumed ones.
 

@@ -61,10 +61,7 @@ def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoin
     # If a limit is active, set-points begin earlier and end later, because a compensated command
     # accelerates and decelerates faster than its joint. If the short extension is not sufficient,
     # the longest one is tried.
-    limited = np.isfinite(bounds[2, 1])
-    ramp = float((bounds[2, 1, limited] / bounds[3, 1, limited]).max(initial=0.0))
-    short = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
-    for extension in (short, LONGEST_TAIL):
+    for extension in (extension_of(servo, bounds), LONGEST_TAIL):
         extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
         nearest, joint = nearest_commands(q, cycle, bounds)
@@ -81,6 +78,17 @@ def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoin
         )
     longer = replace(set_points, q=nearest, start_time=set_points.start_time - extra * cycle)
     return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
+
+
+def extension_of(servo: ServoModel, bounds: FloatArray) -> float:
+    """Return the time by which limited set-points begin earlier and end later [s].
+
+    - `servo`: servo with one value per joint.
+    - `bounds`: bounds of the set-points and their derivatives, (4, 2, dof).
+    """
+    limited = np.isfinite(bounds[2, 1])
+    ramp = float((bounds[2, 1, limited] / bounds[3, 1, limited]).max(initial=0.0))
+    return min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
 
 
 def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
