@@ -177,10 +177,10 @@ class SetPointRule(Frozen):
                 continue
             if sources[order] == ASSUMED:
                 tightened[order] = NO_BOUND
-            before = tightened[order]
-            tightened[order] = _intersection(before, given)
-            if (tightened[order] != before).any():
+            narrower = _intersection(tightened[order], given)
+            if (narrower != tightened[order]).any():
                 sources[order] = source
+            tightened[order] = narrower
         return replace(self, bounds=tightened, sources=tuple(sources))
 
     def at_cycle(self, cycle: float) -> FloatArray:
