@@ -103,19 +103,33 @@ def test_the_table_of_unknown_gains_in_the_readme_is_computed_again():
     exec(text.split("```python\n")[1].split("```")[0], names)
     sign = np.sign(names["off"])
     assert set(np.abs(names["off"])) == {0.01}
-    rows = [x for x in text.splitlines() if re.search(r"feed-forward.*mm \|.*mm \|", x)]
-    assert len(rows) == 5
+    rows = [x for x in text.splitlines() if re.search(r"(feed-forward|preset).*mm \|.*mm \|", x)]
+    assert len(rows) == 8
     for row in rows:
         servo, differ, *printed = row.strip("| ").split(" | ")
-        feedforward = float(numbers(servo)[0]) / 100 if numbers(servo) else 0.0
-        share = float(numbers(differ)[0]) / 100
-        assumed = ac.ServoModel(kp=25, kv=150, velocity_feedforward=feedforward)
-        gains = {"kp": 25 * (1 + share * sign), "kv": 150 * (1 - share * sign)}
-        robot = ac.ServoPlant(names["arm"], assumed.replace(**gains))
+        if servo.startswith("preset"):
+            assumed = ac.ServoModel.preset(servo.split("`")[1])
+        else:
+            feedforward = float(numbers(servo)[0]) / 100 if numbers(servo) else 0.0
+            assumed = ac.ServoModel(kp=25, kv=150, velocity_feedforward=feedforward)
+        # One number holds for both gains.
+        shares = [float(x) / 100 for x in numbers(differ)]
+        kp = assumed.kp * (1 + shares[0] * sign)
+        kv = assumed.kv * (1 - shares[-1] * sign)
+        robot = ac.ServoPlant(names["arm"], assumed.replace(kp=kp, kv=kv))
         for method, cell in zip((ac.NoCompensation(), ac.Inverse()), printed, strict=True):
-            set_points = ac.compensate(names["planned"], assumed, method, cycle=CYCLE)
+            set_points = ac.compensate(names["planned"], assumed, method, cycle=2e-3)
             error = ac.evaluate(ac.simulate(set_points, robot), names["rounded"]).contour_error
             is_printed([error.rms * 1e3, error.max * 1e3], numbers(cell))
+
+
+@needs_dynamics
+def test_the_estimate_at_half_the_speed_in_the_readme_is_computed_again():
+    (stated,) = re.findall(r"`--speed-factor '50 %'` leaves ([\d.]+) mm", page("README.md"))
+    drawing = ROOT / "examples" / "drawings" / "gasket.dxf"
+    job = ac.read_job(drawing, cell="ur5e", patch={("speed_factor",): 0.5})
+    row = ac.run(job).runs["compensated"].to_data()["unknown_gains.max"]
+    is_printed([1e3 * row.value], [stated])
 
 
 @needs_dynamics
