@@ -76,8 +76,8 @@ INNER = {
     # `plan`, `compensate` and jobs call the methods of options.
     *("at_cycle", "check_jerk", "for_program", "reshape", "time", "without_duration"),
     *("set_points", "settling", "Limits.of_chain"),
-    # Runs add their motions to the formats that write them.
-    "with_motions",
+    # Runs add their motions and tolerances to the formats that write them, and make their rule.
+    *("with_motions", "of_run", "Job.rule"),
     # Clearance checks call shapes with unit vectors.
     "farthest",
     # Tracing holds joints, and changes their weights.
@@ -85,7 +85,7 @@ INNER = {
     *(
         f"{name}Format.{method}"
         for name in ("Csv", "RosYaml", "URScript", "Template")
-        for method in ("check", "describe", "last_digit", "parts", "write")
+        for method in ("check", "describe", "parts", "write")
     ),
 }
 # Arguments that start processes, or wait for a server.
@@ -239,7 +239,7 @@ def instances() -> Iterator[Any]:
     yield SecondOrder("own", nothing, [-0.05], [0.05])
     yield jobs.Uncertainty(dead_time=1e-3)
     yield from (CsvFormat(), RosYamlFormat(), McapFormat())
-    yield from (URScriptFormat(), TemplateFormat(template="krl"))
+    yield from (URScriptFormat(), TemplateFormat(template="kuka"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
     yield from (ac.Inverse(), ac.PolePlacement(), ac.InverseDynamics(), ac.NoCompensation())
     yield ac.ServoFit()

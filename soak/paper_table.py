@@ -39,8 +39,10 @@ def runs() -> dict[str, tuple[ac.SetPoints, float, float]]:
     rounded = ac.round_corners(objective, tolerance=TOLERANCE)
     slow = ac.plan(objective, arm, limits.replace(speed=0.04), ac.Conventional())
     proposed = ac.plan(rounded, arm, limits, ac.Paper(knots=600))
-    none = ac.NoCompensation()
-    poles = ac.PolePlacement()
+    # The paper does not limit set-points.
+    free = ac.Limits(joint_acceleration=np.inf)
+    none = ac.NoCompensation(command_limits=free)
+    poles = ac.PolePlacement(command_limits=free)
     return {
         "conventional": (ac.compensate(slow, SERVO, none, cycle=2e-4), 0.0, CONVENTIONAL),
         "proposed": (ac.compensate(proposed, SERVO, poles, cycle=2e-4), TOLERANCE, 0.0),

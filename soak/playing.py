@@ -55,6 +55,8 @@ path: {points: [[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]]}
 corners: {tolerance: 5 mm}
 limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s²}
 servo: {kp: 25.025 1/s, kv: 163.02 1/s, dead_time: 0.041 ms}
+# Limited set-points would saturate the drives.
+command_limits: {joint_acceleration: inf}
 plant: {kp: 25 1/s, kv: 150 1/s, dead_time: 0 ms}
 runs:
   only: {timing: {reserve: 2 %}, compensation: {method: inverse}, cycle: 1 ms}

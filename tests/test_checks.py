@@ -91,10 +91,10 @@ def pickled(x):
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, pickled])
-def test_copies_equal_their_originals(copied, objective, arm, limits, servo, conventional):
+def test_copies_equal_their_originals(copied, objective, arm, limits, servo):
     rounded = ac.round_corners(objective, tolerance=5e-3)
     planned = ac.plan(rounded, arm, limits)
-    set_points = ac.compensate(conventional, servo, ac.NoCompensation())
+    set_points = ac.compensate(planned, servo)
     plant = ac.ServoPlant(arm, servo.for_joints(2), limits)
     executed = ac.simulate(set_points, plant)
     space = ac.load_arm("ur5e", payload=ac.Payload(mass=1.0))

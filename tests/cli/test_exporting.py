@@ -81,7 +81,7 @@ runs: {compensated: {}}
 """
 # Period of ABB's points, and of the plan in all formats [s].
 POINT_PERIOD = 48e-3
-CYCLE = 4e-3  # Period of set-points of the UR5e [s]
+CYCLE = 2e-3  # Period of set-points of the UR5e [s]
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def result(call, folder):
     if not (folder / "out").exists():
         printed = call(
             "run part.ngc --cell ur5e --out out --export csv --export ros-yaml --export abb"
-            " --cycle '48 ms' --set 'export.outputs={spindle: doTool}'"
+            " --derivatives 2 --cycle '48 ms' --set 'export.outputs={spindle: doTool}'"
         )
         (folder / "printed.txt").write_text(printed)
     return folder / "out"
@@ -178,7 +178,7 @@ def test_an_export_of_an_earlier_result_has_the_arguments_of_servoj_of_its_job(c
         assert "gain = 500\n" in program and "lookahead = 0.1\n" in program
 
 
-FIRST_RUN = "--speed-factor '10 %' --process-off --set 'cycle=40 ms'"
+FIRST_RUN = "--speed-factor '10 %' --process-off --set 'cycle=20 ms'"
 
 
 @needs_dynamics
@@ -221,16 +221,30 @@ def test_exporting_an_earlier_result_writes_its_external_axes(call, folder):
 
 def test_command_limits_replace_exported_accelerations(call, folder):
     (folder / "square.yaml").write_text(LIMITED)
-    printed = call("run square.yaml --no-changes --force --out square --export ros-yaml")
-    assert printed.count("times the acceleration limit") == 1 and "reserve:" not in printed
-    files = [folder / "square" / x / "export" / "set_points.yaml" for x in ("free", "kept")]
-    free, kept = (yaml.safe_load(x.read_text())["points"][0]["accelerations"] for x in files)
-    assert len(free) == 6 and len(kept) == 0
+    call("run square.yaml --no-changes --force --out square --export csv")
+    free, kept = (
+        pd.read_csv(folder / "square" / x / "export" / "set_points.csv") for x in ("free", "kept")
+    )
+    assert sum(x.startswith("ddq") for x in free) == 6
+    assert not any(x.startswith(("dq", "ddq")) for x in kept)
+
+
+def test_set_points_within_the_limits_of_a_controller_have_no_accelerations(call, folder):
+    late = LIMITED.replace("kept: {", "late: {compensation: {method: none}, ")
+    (folder / "square.yaml").write_text(late.replace("3.14159 rad/s^2", "inf"))
+    printed = call("run square.yaml --no-changes --force --out ros --export ros-yaml")
+    assert "times the acceleration limit" not in printed
+    files = [folder / "ros" / x / "export" / "set_points.yaml" for x in ("free", "late")]
+    free, late = (yaml.safe_load(x.read_text())["points"][0]["accelerations"] for x in files)
+    # Set-points of the plan have its accelerations.
+    assert len(free) == 0 and len(late) == 6
+    call("export ros late.yaml --run late --force")
+    assert (folder / "late.yaml").read_text().count("accelerations: [0") > 0
 
 
 @needs_dynamics
 def test_exporting_an_earlier_result_gives_the_file_of_its_run(result, call, folder):
-    printed = call("export out set_points.csv")
+    printed = call("export out set_points.csv --derivatives 2")
     assert "Exported set_points of run compensated" in printed
     table = pd.read_csv(folder / "set_points.csv")
     before = pd.read_csv(result / "compensated" / "export" / "set_points.csv")

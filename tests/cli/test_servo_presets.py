@@ -18,6 +18,7 @@ arm: ur5e
 path: {{points: {PATH}, orientation: {{axis: [0, 0, -1]}}}}
 corners: {{tolerance: 0.5 mm}}
 limits: {{speed: 100 mm/s}}
+cycle: 2 ms
 servo: %s
 runs: {{only: {{timing: {{reserve: 30 %%}}}}}}
 """

@@ -94,7 +94,9 @@ def test_the_rest_joins_the_finished_part_and_the_robot_moves_back_along_it(text
 
 def test_a_drawing_is_continued_on_the_contour_of_the_stop():
     job, _ = resuming.whole_plan("drawing")
-    job = replace(job, runs=job.runs[:1])
+    # The gains of the machine of the tests
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    job = replace(job, runs=job.runs[:1], servo=servo, plant_servo=servo)
     before = stopped(job, 1.0)
     assert "CUT-1" in before.stopped_at.words
     played, arm = continued(with_rejoin(job, REJOIN), before)

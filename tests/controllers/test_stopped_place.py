@@ -60,7 +60,7 @@ def squares() -> ac.Job:
         (resuming.PLANAR, 0.4, 0.0, 0.5e-3),
         (resuming.PLANAR, 0.9, 0.06, 0.0),
         (resuming.SPATIAL, 0.3, 0.0, 0.0),
-        (resuming.LED, 1.0, 0.0, 0.0),
+        (resuming.LED, 1.1, 0.0, 0.0),
     ],
 )
 def test_the_resumed_tool_starts_where_the_tool_has_stopped(text, t, begin, corner):
@@ -94,7 +94,7 @@ def test_a_stop_in_a_rapid_resumes_the_next_contour_as_a_whole():
     assert "contour 2" in played.stopped_at.words
 
 
-@pytest.mark.parametrize("trip", [225, 300])
+@pytest.mark.parametrize("trip", [290, 365])
 def test_a_robot_whose_drives_fail_resumes_where_it_left_the_path(trip):
     played = stopped(parse_job(resuming.PLANAR), 99.0, trip=trip)
     assert played.record.deviated

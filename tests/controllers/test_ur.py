@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,12 +120,10 @@ def test_arguments_of_servoj_outside_the_range_of_ur_are_refused(wrong):
 def test_a_dry_run_compares_positions_and_sends_no_program(double):
     address, process = double()
     job = parse_job(JOB)
-    with pytest.raises(ControllerRefused, match="a servo that was not identified"):
-        play(job, Ur(address), override=1.0)
-    known = replace(job, servo=job.servo.replace(contour_ratio=0.01))
-    played = play(known, Ur(address), override=1.0)
+    played = play(job, Ur(address), override=1.0)
     assert played.record is None and played.distance > 0.1
-    assert {x.name for x in played.checks} == {"ur.speed", "command_use"}
+    shares = {x.name: max(np.atleast_1d(x.value)) for x in played.checks}
+    assert shares["set_points.joint_acceleration"] <= 3.0 + 1e-6
     process.stdin.close()
     assert process.stdout.read() == ""
 

@@ -21,6 +21,7 @@ from armcontour.files.set_point_reader import read_set_points
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.motion import SetPoints
+from armcontour.motion.set_point_rule import SetPointRule
 from armcontour.robot.servo import ServoModel
 
 SERVO = ServoModel(kp=[25 / 3, 24.0], kv=[150.0, 1000 / 7], dead_time=1 / 300).for_joints(2)
@@ -136,6 +137,8 @@ def same(first, second):
                 same(one, other)
         elif isinstance(a, ServoModel):
             same(a, b)
+        elif isinstance(a, SetPointRule):
+            np.testing.assert_equal(a.data(), b.data())
         elif isinstance(a, np.ndarray):
             assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
         else:

@@ -94,6 +94,8 @@ class Bench:
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
         plan = self.mac if timing == "paper" else self.conventional_plan
         options = {} if poles is None else {"poles": poles}
+        # The paper does not limit set-points.
+        options["command_limits"] = ac.Limits(joint_acceleration=np.inf)
         set_points = ac.compensate(plan, servo, COMPENSATIONS[compensation](**options), cycle=cycle)
         return ac.simulate(set_points, ac.ServoPlant(self.arm, servo))
 

@@ -41,7 +41,9 @@ SVG = (
 JOBS = {
     "corner": {},
     "own speed": {"runs": {"one": SPEED}},
-    "own corners": {"runs": {"one": {"corners": {"tolerance": "0.5 mm"}}}},
+    "own corners": {
+        "runs": {"one": {"timing": {"reserve": "5 %"}, "corners": {"tolerance": "0.5 mm"}}}
+    },
     "zigzag": {"path": {"points": ZIGZAG}},
     "zigzag with an accuracy": {"path": {"points": ZIGZAG}, "accuracy": "2.5 mm"},
     "sharp": {"corners": "sharp"},
@@ -64,7 +66,13 @@ JOBS = {
         "runs": {"one": {"timing": {"reserve": "2 %"}}},
     },
 }
-REPAIRED = ("too wide", "late", "soft", "slow joint, compensated", "limited set-points")
+# A controller that reads lines between set-points allows half of their acceleration.
+JOBS["lines between set-points"] = {
+    **JOBS["limited set-points"],
+    "cycle": "4 ms",
+    "export": {"formats": ["urscript"]},
+}
+REPAIRED = ("too wide", "late", "soft", "limited set-points", "lines between set-points")
 
 
 def run_of(data, folder):
@@ -159,8 +167,8 @@ def plain_edits(edits):
 
 @needs_dynamics
 def test_a_smaller_reserve_is_suggested_if_it_saves_more_than_a_better_drive(tmp_path):
-    job = parse_job(drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path), folder=tmp_path)
-    (result,) = ac.run(job).runs.values()
+    text = drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path)
+    job, result = run_of(yaml.safe_load(text) | {"servo": CORNER["servo"]}, tmp_path)
     edits = {key: value for x in advise(job, result).improvements for key, value in x.edits}
     assert edits["timing.reserve"] == 0.02
     assert not any("joint" in key for key in edits)

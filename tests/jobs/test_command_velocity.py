@@ -1,7 +1,5 @@
 """Plans keep the velocity of compensated set-points, where they would exceed it without."""
 
-import math
-
 import numpy as np
 import pytest
 import yaml
@@ -73,12 +71,6 @@ def test_smaller_of_both_velocity_limits_counts():
     runs = {"only": {"timing": {"reserve": "5 %"}}}
     result = ac.run(job_of(command_limits=limits, runs=runs), simulate=False).runs["only"]
     assert use_of_velocity(result) == pytest.approx(0.5, rel=1e-6)
-
-
-def test_plan_ignores_set_points_whose_velocity_limit_is_removed():
-    limits = {"joint_velocity": math.inf, "joint_acceleration": 7 * [29.97]}
-    runs = ac.run(job_of(command_limits=limits), simulate=False).runs
-    assert runs["inverse"].command_velocity is None
 
 
 def test_preview_depends_on_the_servo_only_where_set_points_reach_their_limit():

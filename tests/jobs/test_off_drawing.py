@@ -35,6 +35,8 @@ SLOT = {
     "limits": {"speed": 0.1, "joint_jerk": 4000},
     "corners": {"tolerance": "0.2 mm"},
     "servo": {"kp": 40, "kv": 200},
+    # The exact inverse, whose error is small compared with that of smoothing.
+    "command_limits": {"joint_acceleration": "inf"},
     "cycle": "1 ms",
     "runs": {"one": {"timing": {"reserve": 0.05}}},
 }

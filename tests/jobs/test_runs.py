@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -49,9 +50,12 @@ def test_run_equals_its_single_steps(paper_job, paper_result, number):
         path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
     joint_path = ac.trace(path, paper_job.arm)
     trajectory = ac.plan(joint_path, paper_job.arm, job_run.limits, job_run.timing)
-    set_points = ac.compensate(
-        trajectory, paper_job.servo, job_run.compensation, cycle=job_run.cycle
-    )
+    # The conventional plan has corners at which its velocity jumps.
+    expected = nullcontext() if job_run.compensation.compensates else pytest.warns(UserWarning)
+    with expected:
+        set_points = ac.compensate(
+            trajectory, paper_job.servo, job_run.compensation, cycle=job_run.cycle
+        )
     plant = ac.ServoPlant(paper_job.arm, paper_job.plant_servo, job_run.limits)
     execution = ac.simulate(set_points, plant)
     evaluation = ac.evaluate(

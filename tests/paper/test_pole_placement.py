@@ -229,27 +229,3 @@ def test_the_inverse_of_a_first_order_servo_has_the_closed_form():
     expected = u - bend * 2.5e-3**2 / 12
     np.testing.assert_allclose(set_points.q[inside], expected, atol=3e-7)
     assert np.abs(set_points.q[inside] - u).max() > 5e-6
-
-
-def test_a_command_beyond_the_limits_is_refused(refuses):
-    # The plan itself is within them: it ends at 0.8 and -1.0, and moves at 1.82 and 2.92 rad/s.
-    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
-    loose = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
-    set_points = ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(**loose))
-    rates = np.abs(np.diff(set_points.q, axis=0)) / 4e-3
-    for limit, values, j in (
-        ("joint_upper", [0.8, 2.0], 0),
-        ("joint_lower", [-2.0, -1.0], 1),
-        ("joint_velocity", [1.85, 20.0], 0),
-        ("joint_velocity", [20.0, 3.0], 1),
-    ):
-        limits = ac.Limits.only(**(loose | {limit: values}))
-        fast = limit == "joint_velocity"
-        k = int(np.argmax(rates[:, j] if fast else np.abs(set_points.q[:, j])))
-        data = {"t": set_points.t[k], "needed": rates[k, j] if fast else set_points.q[k, j]}
-        data |= {"joint": j, "limit": limit, "allowed": values[j]}
-        call = partial(ac.compensate, SWING, servo, ac.Inverse(), limits=limits)
-        refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
-        ac.compensate(SWING, servo, ac.NoCompensation(), limits=limits)
-    # One limit serves all joints.
-    ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(joint_velocity=20.0))

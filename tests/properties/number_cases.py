@@ -232,6 +232,7 @@ _REAL = {
 _IDENTIFIED = {
     "model_error": 1e-4, "logged_velocity": 2.0, "logged_acceleration": 9.0,
     "logged_frequency": 4.5, "contour_ratio": 0.2, "program_ratio": 0.1, "programs": 2,
+    "kp_spread": 0.1, "kv_spread": 0.1,
 }  # fmt: skip
 _FED = {"velocity_feedforward": 1.0, "acceleration_feedforward": 0.5}
 _UR5E = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -384,7 +385,8 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, certificate=_CERTIFIED | {"slowest": 1.5}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [[-99.0, -99.0, -150.0]] * 2}}}),
     _with(PLANE, export={"formats": ["urscript"], "outputs": {"a": {"urscript": 1}},
-                         "inputs": {"a": {"urscript": 1}}}),
+                         "inputs": {"a": {"urscript": 1}},
+                         "servoj": {"gain": 300.0, "lookahead": 0.1}}),
     _with(PLANE, export={"formats": ["ros-yaml"], "outputs": {"a": 1}, "inputs": {"a": 1},
                          "tolerances": 2.0,
                          "points": 9, "point_tolerance": 1e-3, "cycle": 0.01, "derivatives": 1}),

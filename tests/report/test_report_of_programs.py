@@ -261,8 +261,9 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     assert '<details id="contours">' in page and name in page
     (result,) = done.runs.values()
     assert result.evaluation.contour_error.max < 1e-4
-    # The ports of the gasket are slower than assigned from where they begin, and the arcs of the
-    # pocket have three decimals. Without the extra, distances of the links are not checked.
-    expected = ("CUT-6", "Repaired ", "armcontour[dynamics]")
+    # The ports of the gasket are slower than assigned from where they begin, and limits of the
+    # set-points cost much of what is allowed there. The arcs of the pocket have three decimals.
+    # Without the extra, distances of the links are not checked.
+    expected = ("CUT-6", "limits of the set-points", "Repaired ", "armcontour[dynamics]")
     assert all(any(part in x for part in expected) for x in result.warnings)
     assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")

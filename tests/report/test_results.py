@@ -9,6 +9,8 @@ import pytest
 import armcontour as ac
 
 SERVO = ac.ServoModel(25, 150)
+# The exact inverse, with which the executed speed is that of the plan.
+EXACT = ac.Inverse(command_limits=ac.Limits(joint_acceleration=np.inf))
 
 
 def results(arm, objective, tolerance):
@@ -16,7 +18,7 @@ def results(arm, objective, tolerance):
     rounded = ac.round_corners(objective, tolerance=tolerance)
     limits = arm.limits.replace(speed=0.15)
     planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.05))
-    executed = ac.simulate(ac.compensate(planned, SERVO), ac.ServoPlant(arm, SERVO, limits))
+    executed = ac.simulate(ac.compensate(planned, SERVO, EXACT), ac.ServoPlant(arm, SERVO, limits))
     return planned, executed, ac.evaluate(executed, rounded, objective=objective, limits=limits)
 
 

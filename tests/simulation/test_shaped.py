@@ -1,5 +1,7 @@
 """The execution of the paper's job along its shaped path stays in the tolerance."""
 
+import dataclasses
+
 import pytest
 
 import armcontour as ac
@@ -26,11 +28,12 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
     check = ac.check(planned, arm, limits, objective, **allowed, points=5)
     for name in ("path_deviation", "coverage_error", "joint_acceleration"):
         assert check[name].ratio <= 1
+    free = dataclasses.replace(planned, limits=None)
     for method, plant, bound in (
         ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
         ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
     ):
-        set_points = ac.compensate(planned, SERVO, COMPENSATIONS[method](), cycle=CYCLE, arm=arm)
+        set_points = ac.compensate(free, SERVO, COMPENSATIONS[method](), cycle=CYCLE, arm=arm)
         executed = ac.simulate(set_points, plant, resolution=5e-4)
         result = ac.evaluate(executed, planned.path, objective=objective, limits=limits)
         # Every place of the tool near the objective, and every corner of it near the tool.

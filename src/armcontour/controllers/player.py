@@ -474,7 +474,8 @@ def plan_played(
     """Plan a run as it is played; return the job with this run, and the result.
 
     The run has all limits of the arm, and at least the reserve, also for changes of the override.
-    Its set-points are within the limits of the controller at the controller's cycle.
+    Its set-points are within the limits of the controller, and computed at the controller's cycle
+    if this is shorter: between slower set-points, the controller would read lines with kinks.
 
     - `at_full_speed`: whether the run's speed factor is ignored.
 
@@ -494,7 +495,13 @@ def plan_played(
         chosen.timing, reserve=max(chosen.timing.reserve, reserve, least), for_play=True
     )
     factor = None if at_full_speed else chosen.speed_factor
-    played_run = replace(chosen, limits=limits, timing=timing, speed_factor=factor)
+    played_run = replace(
+        chosen,
+        limits=limits,
+        timing=timing,
+        speed_factor=factor,
+        cycle=min(chosen.cycle, controller.cycle),
+    )
     known = facts_of_player(controller.name)
     if known is None:
         known = ControllerFacts(name=controller.name, title=controller.name)

@@ -52,6 +52,8 @@ COMPENSATED_TIME = 5.5
 MEMORY = 36.0
 # Set-points of this order of differences, and of lower ones, have limits.
 DIFFERENCES = 3
+# First guess with limits: this share of the time by which limited set-points begin earlier.
+LIMITED_FORESIGHT = 0.5
 # Learned corrections fade out in this time if the override is not 100 %, and in if it is [s].
 CORRECTION_FADING = 0.2
 # Rates that differ less from 1 are 1.
@@ -258,16 +260,6 @@ class RollingRows:
         plan = set_points.trajectory
         self._override = override_of(plan, cycle, for_play=for_play)
         self._start_time = set_points.start_time
-        self._corrections: FloatArray | None = None
-        if computed is not None:
-            # If the robot has more dead time than its model, learned set-points start whole cycles
-            # earlier than the computed set-points. Row k of the learned set-points corresponds to
-            # row k of the computed set-points in any case.
-            self._start_time = computed.start_time
-            rows = commands_at(computed, cycle, servo.interpolation)
-            difference = self.q - rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
-            if np.abs(difference).max() > SAME_ROW:
-                self._corrections = difference
         rule = replace(set_points.rule, cycle=min(set_points.rule.cycle or math.inf, cycle))
         bounds = rule.at_cycle(set_points.cycle)
         # Bounds of set-points, (4, 2, dof); None if the compensation changes none.
@@ -276,6 +268,20 @@ class RollingRows:
         # Limited set-points reach the end of a motion at most so many cycles after the others.
         extension = extension_of(servo.for_joints(plan.dof), bounds)
         self._tails = [math.ceil(x / set_points.cycle) for x in (extension, LONGEST_TAIL)]
+        # Limits look ahead, too.
+        self._foresight = FORESIGHT
+        if self._bounds is not None:
+            self._foresight = max(FORESIGHT, math.ceil(LIMITED_FORESIGHT * self._tails[0]))
+        self._corrections: FloatArray | None = None
+        if computed is not None:
+            # If the robot has more dead time than its model, learned set-points start whole cycles
+            # earlier than the computed set-points. Row k of the learned set-points corresponds to
+            # row k of the computed set-points in any case.
+            self._start_time = computed.start_time
+            if np.abs(self.q - self._rows_like(computed)).max() > SAME_ROW:
+                # At full speed, the corrected set-points are the learned ones, within their limits.
+                unlimited = self._window_of(plan, 0).set_points
+                self._corrections = self.q - self._rows_like(unlimited)
         self._memory = COMPENSATED_TIME
         if options.is_local:
             slowest = servo.for_joints(plan.dof)
@@ -295,11 +301,12 @@ class RollingRows:
         Raises:
             InvalidInput: The override is not 0 to 1.
         """
-        pace = self._override.begin(_checked(override), ahead + self._look_ahead(FORESIGHT))
+        look_ahead = self._look_ahead(self._foresight)
+        pace = self._override.begin(_checked(override), ahead + look_ahead)
         window = self._window(pace, 0.0)
         weight = 1.0 if override == 1.0 else 0.0
         if self._bounds is not None:
-            limited = self._limit(window, pace, None, 0, weight)
+            limited = self._limit(window, pace, None, 0, weight=weight)
             assert limited is not None
             window = limited
         return self._chunk(pace, window, 0, weight, ends=False, braked=False)
@@ -329,14 +336,17 @@ class RollingRows:
         """
         target = _checked(override)
         weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
-        foresight = FORESIGHT
+        foresight = self._foresight
         while foresight <= LONGEST_FORESIGHT:
             t = k * self.cycle + self._start_time + self._look_ahead(foresight)
             pause_at = self._pause_time(before, t) if pause_after else math.inf
             is_paused = before.pace.scaling(max(t, 0.0)) >= pause_at - SAME_PLAN_TIME
             pace = self._override.change(before.pace, max(t, 0.0), 0.0 if is_paused else target)
             pace = pace.pausing_at(pause_at)
-            window = self._changed(pace, t, before, k)
+            # A later change would come after the stop of the chunk before has begun.
+            later = t + self._look_ahead(2 * foresight) - self._look_ahead(foresight)
+            is_last_try = later > before.pace.brake_time or 2 * foresight > LONGEST_FORESIGHT
+            window = self._changed(pace, t, before, k, is_last_try)
             if window is not None:
                 # The rest at a pause, or at the end of the plan, is not a stop that came too early.
                 is_due = before.rate.any() and not before.pauses and not before.pace.is_complete
@@ -349,6 +359,11 @@ class RollingRows:
             f"compensation looks ahead by more than {LONGEST_FORESIGHT} set-points. Choose faster "
             "poles."
         )
+
+    def _rows_like(self, set_points: SetPoints) -> FloatArray:
+        """Return rows of set-points, as many as those of the plan; at rest after the last one."""
+        rows = commands_at(set_points, self.cycle, self.servo.interpolation)
+        return rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
 
     def _pause_time(self, before: Chunk, t: float) -> float:
         """Return the time of the plan at which a motion pauses [s]; infinite after all contours.
@@ -388,8 +403,13 @@ class RollingRows:
         if not pace.is_complete:
             # Near the end of a motion the compensation differs. A long rest keeps the rows before
             # the rest and in its beginning independent of whether the motion goes on after it.
-            scaling = scaling.until(max(scaling.end, t) + 2 * FORESIGHT * cycle)
+            scaling = scaling.until(max(scaling.end, t) + 2 * self._foresight * cycle)
         moving = scaling.since(first * cycle).trajectory(self.set_points.trajectory)
+        return self._window_of(moving, first)
+
+    def _window_of(self, moving: Trajectory, first: int) -> _Compensated:
+        """Compute the set-points, without limits, of a motion that begins after `first` cycles."""
+        cycle = self.set_points.cycle
         set_points = self._compensate(moving)
         # Limited set-points begin earlier.
         earlier = (set_points.start_time - self._start_time) / cycle
@@ -406,42 +426,58 @@ class RollingRows:
         return _Compensated(replace(set_points, q=q), 0)
 
     def _limit(
-        self, window: _Compensated, pace: Pace, before: Chunk | None, k: int, weight: float = 0.0
+        self,
+        window: _Compensated,
+        pace: Pace,
+        before: Chunk | None,
+        k: int,
+        *,
+        weight: float = 0.0,
+        is_last_try: bool = False,
     ) -> _Compensated | None:
         """Return the set-points within their limits; those of rows before a cycle stay.
 
         The sent set-points are hard conditions of the nearest ones. Only the last DIFFERENCES of
         them enter differences of later ones, so that the result depends on nothing before them.
 
-        None if the set-points sent last would better have been others: the limits look ahead.
+        None if the set-points sent last would better have been others: the limits look ahead, so
+        the change should come later.
 
         - `before`: the chunk before; None for the first chunk.
         - `k`: the cycle from which on rows can change.
         - `weight`: weight of learned corrections in the first row.
+        - `is_last_try`: whether the change comes as late as possible, so that it is made anyway.
         """
         cycle = self.set_points.cycle
-        q = window.set_points.q
         fixed = 1
         if before is not None:
             # The line to this set-point is executed before cycle k.
             last = math.ceil((k - 1) * self.cycle / cycle - SAME_COUNT)
             fixed = last + 1 - window.first
-            q = np.pad(q, ((0, max(fixed + 1 - len(q), 0)), (0, 0)), mode="edge")
             weight = float(before.correction[min(max(k - before.k - 1, 0), len(before.q) - 1)])
+        q = window.set_points.q
+        tail = max(self._tails[0], fixed + 1 - len(q))
+        q = np.pad(q, ((0, tail), (0, 0)), mode="edge")
         if self._corrections is not None:
-            numbers = np.arange(fixed, len(q), dtype=np.float64) + window.first
+            numbers = np.arange(len(q), dtype=np.float64) + window.first
             t = np.asarray(numbers * cycle + self._start_time, dtype=np.float64)
-            is_full = pace.scaling(np.maximum(t, pace.scaling.begin), 1) >= 1 - FULL_RATE
-            weights = _fade(is_full, weight, cycle / CORRECTION_FADING)
-            q = q.copy()
-            q[fixed:] += self._correct(_plan_clock(pace, t), weights)
+            is_full = _rate(pace, t) >= 1 - FULL_RATE
+            weights = np.empty(len(q))
+            weights[fixed:] = _fade(is_full[fixed:], weight, cycle / CORRECTION_FADING)
+            if before is not None:
+                rows = np.rint(numbers[:fixed] * cycle / self.cycle) - before.k
+                sent_rows = np.clip(rows, 0, len(before.q) - 1).astype(int)
+                weights[:fixed] = before.correction[sent_rows]
+            else:
+                weights[:fixed] = weight
+            q = q + self._correct(_plan_clock(pace, t), weights)
         if before is None:
             return _Compensated(replace(window.set_points, q=self._nearest(q, fixed, k)), 0)
         sent = before.set_points_between(window.first, window.first + fixed)
         compared = max(fixed - math.ceil(COMPARED_TIME / cycle), before.first - window.first, 1)
         if compared < fixed:
             better = self._nearest(np.concatenate([sent[:compared], q[compared:]]), compared, k)
-            if np.abs(better[:fixed] - sent).max() > SAME_ROW:
+            if not is_last_try and np.abs(better[:fixed] - sent).max() > SAME_ROW:
                 return None
         nearest = self._nearest(np.concatenate([sent, q[fixed:]]), fixed, k)
         return _Compensated(replace(window.set_points, q=nearest), window.first)
@@ -457,7 +493,7 @@ class RollingRows:
         cycle = self.set_points.cycle
         start = max(fixed - DIFFERENCES, 0)
         joint = None
-        for tail in self._tails:
+        for tail in (0, self._tails[1]):
             longer = np.pad(q[start:], ((0, tail), (0, 0)), mode="edge")
             nearest, joint = nearest_commands(longer, cycle, self._bounds, fixed=fixed - start)
             if joint is None:
@@ -474,14 +510,18 @@ class RollingRows:
         t = np.asarray(cycles * self.cycle - window.begin, dtype=np.float64)
         return sample_rows(points.q, points.cycle, self.servo.interpolation, t)
 
-    def _changed(self, pace: Pace, t: float, before: Chunk, k: int) -> _Compensated | None:
+    def _changed(
+        self, pace: Pace, t: float, before: Chunk, k: int, is_last_try: bool
+    ) -> _Compensated | None:
         """Compute the set-points of a motion that changes at a time [s].
 
         None if rows before cycle k would have to change.
+
+        - `is_last_try`: whether the change comes as late as possible.
         """
         window = self._window(pace, t)
         if self._bounds is not None:
-            return self._limit(window, pace, before, k)
+            return self._limit(window, pace, before, k, is_last_try=is_last_try)
         return window if self._keeps(window, before, k) else None
 
     def _keeps(self, window: _Compensated, before: Chunk, k: int) -> bool:
@@ -529,7 +569,7 @@ class RollingRows:
             count = max(count, k) + round(FINAL_REST / self.cycle)
         cycles = np.arange(k, max(count, k + 1))
         t = np.asarray(cycles * self.cycle + self._start_time, dtype=np.float64)
-        rate = pace.scaling(np.maximum(t, pace.scaling.begin), 1)
+        rate = _rate(pace, t)
         plan_time = _plan_clock(pace, t)
         q = self._sample(window, cycles)
         weights = np.ones(len(q))
@@ -581,6 +621,13 @@ def _plan_clock(pace: Pace, t: FloatArray) -> FloatArray:
     before = np.minimum(t - scaling.begin, 0.0)
     after = np.maximum(t - scaling.end, 0.0) if pace.is_complete else 0.0
     return np.asarray(scaling(t) + before + after)
+
+
+def _rate(pace: Pace, t: FloatArray) -> FloatArray:
+    """Return the override at times of a motion [s]; before and after it, that of its ends."""
+    begin = pace.scaling.begin
+    last = max(pace.scaling.end - SAME_PLAN_TIME, begin)
+    return np.asarray(pace.scaling(np.clip(t, begin, last), 1))
 
 
 def _fade(is_full: BoolArray, weight: float, step: float) -> FloatArray:

@@ -300,8 +300,11 @@ class CommandLimitsModel:
     Args:
         joint_velocity: Largest first difference of set-points divided by the cycle [rad/s], one
             value, one per joint, or a lower and an upper bound per joint.
-        joint_acceleration: Largest second difference of set-points [rad/s²], in the same forms.
-        joint_jerk: Largest third difference of set-points [rad/s³], one value or one per joint.
+        joint_acceleration: Largest second difference of set-points divided by the cycle squared
+            [rad/s²], in the same forms; by default the controller's limit, or an assumed one of 3
+            times the joint_acceleration of `limits`. `inf` removes the assumed limit.
+        joint_jerk: Largest third difference of set-points divided by the cycle cubed [rad/s³], one
+            value or one per joint.
         joint_lower, joint_upper: Range of the set-points of each joint [rad].
     """
 
@@ -318,7 +321,8 @@ class SharedModel:
 
     Args:
         limits: Limits that replace limits of the arm; `inf` removes a limit.
-        command_limits: Limits of the set-points, as the controller checks them.
+        command_limits: Limits of the set-points, as the controller checks them. The ranges and
+            velocities in `limits` and the controller's limits apply, too: the smaller one counts.
         corners: Rounding of corners; `sharp`, the default, means no rounding.
         cycle: Time between set-points [s]; by default 4 ms.
         speed_factor: Fraction of the planned speed, for a first, slow run on the robot: contours,

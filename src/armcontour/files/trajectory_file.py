@@ -410,6 +410,8 @@ class StoredRun:
     def set_points(self, derivatives: int | None = None) -> SetPointTable:
         """Return the table of the set-points; `derivatives` as in `tabulate`."""
         stored = self._read("set_points.csv")
+        if derivatives is None and self.plain:
+            derivatives = 2
         samples = self._with_derivatives(stored, derivatives)
         return self._table("set_points", stored, samples, derivatives)
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray, copy_unchecked
 from armcontour.core.errors import InvalidInput
-from armcontour.core.fields import Checked, declared
+from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.frames import angle_between, exp, log
 from armcontour.core.quantities import Axes, ConeAngle, Quantity
 from armcontour.core.quintics import rescale
@@ -159,7 +159,8 @@ class Orientation(Checked):
             return copy_unchecked(parts[0], **joined)
         return cls(**joined)
 
-    def with_cone(self, cone: float) -> Orientation:
+    @checked
+    def with_cone(self, cone: ConeAngle) -> Orientation:
         """Return the orientation with another cone around the tool axis.
 
         Args:

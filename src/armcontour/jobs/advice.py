@@ -464,7 +464,8 @@ def _limited_jerk(job: Job, result: RunResult) -> Iterator[_Candidate]:
     if rounding is None or rounding.free or not isinstance(run.timing, Optimal):
         return
     reserve = run.timing.reserve
-    command = np.abs(result.set_points.rule.bounds[ACCELERATION]).min(axis=0)
+    set_points = result.set_points
+    command = np.abs(set_points.rule.at_cycle(set_points.cycle)[ACCELERATION]).min(axis=0)
     planned = np.abs(run.limits.acceleration_bounds(job.arm.dof)).max(axis=0)
     words = ""
     edits: list[tuple[str, Any]] = []

@@ -93,7 +93,7 @@ class Exports(Checked):
             the predicted joint errors, at least 1; by default no goal is written.
         cycle: Time between points of the plan [s]; by default the cycle of the run.
         derivatives: Highest derivative of the positions: 2, 1 or 0; by default 2, or 0 for
-            set-points with command limits.
+            compensated set-points with limits of the user or a controller.
         points: With ros-yaml, largest number of points.
         point_tolerance: With `points`, largest difference that fewer points cause at any joint
             [rad].

@@ -470,11 +470,11 @@ def _set_point_shares(result: RunRecord) -> Iterator[Row]:
         note = f"of {number(of_plan, unit)}, joint {joint_label(joint + 1, result.arm.joint_names)}"
         what = name.removeprefix("joint_")
         label = f"set-point {what}"
-        yield Row(f"set_point_{what}", shares.max(), "1", label, f"{note}; {limit}", FIRST)
+        yield Row(f"set_point_{what}", shares.max(), "1", label, f"{note}; {limit}")
     cost = result.set_points.limit_cost
     if cost is not None:
         note = f"of the time; changes a set-point by {cost}"
-        yield Row("limited", use.limited_share, "1", "set-points at a limit", note, FIRST)
+        yield Row("limited", use.limited_share, "1", "set-points at a limit", note)
 
 
 def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:

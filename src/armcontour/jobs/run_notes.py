@@ -317,8 +317,7 @@ def _warn_of_set_points(result: RunRecord) -> Iterator[str]:
     if cost is not None and cost.contour_max is not None and allowed is not None:
         if cost.contour_max > COSTLY_SHARE * allowed:
             yield (
-                f"the limits of the set-points cost a contour error of up to "
-                f"{number(cost.contour_max, 'm')}, which is much of the allowed "
+                "the limits of the set-points cost much of the allowed contour error of "
                 f"{number(allowed, 'm')}. They change the set-points by {cost}."
             )
     for excess in result.set_point_use.excesses:

@@ -14,7 +14,7 @@ from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import short_repr
+from armcontour.core.text import capitalise, short_repr
 from armcontour.motion.cycle import check_cycle
 from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule, SetPointUse, make_rule
 from armcontour.motion.trajectory import Trajectory
@@ -257,7 +257,8 @@ class LimitCost(Frozen):
     Args:
         deviation: Largest change of the set-points of each joint [rad], (dof,).
         contour_rms: RMS contour error that the changes cause according to the servo model, if the
-            set-points without limits cause none [m]; None if the plan has no arm or no path.
+            set-points without limits cause none and no joint saturates [m]; None if the plan has no
+            arm or no path.
         contour_max: Largest such contour error [m], or None.
         arm: The arm, for units; None if unknown.
     """
@@ -273,7 +274,9 @@ class LimitCost(Frozen):
         change = number(self.deviation[j], unit_of(self.arm, "rad", j))
         text = f"up to {change} at joint {j + 1}"
         largest = self.contour_max
-        return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
+        if largest is None:
+            return text
+        return f"{text}, contour error {number(largest, 'm')} if no joint saturates"
 
 
 @declared(eq=False)
@@ -376,7 +379,7 @@ def check_set_points(set_points: SetPoints) -> None:
     if excess is None:
         return
     raise CompensationError(
-        describe_excess(excess, set_points),
+        capitalise(describe_excess(excess, set_points)),
         t=float(set_points.t[0]) + excess.t,
         joint=excess.joint,
         limit=excess.limit,
@@ -386,7 +389,10 @@ def check_set_points(set_points: SetPoints) -> None:
 
 
 def describe_excess(excess: SetPointExcess, set_points: SetPoints) -> str:
-    """Write which set-points exceed which limit, whose limit it is, and what to do."""
+    """Write which set-points exceed which limit, whose limit it is, and what to do.
+
+    The first letter is small.
+    """
     unit = unit_of(set_points.trajectory.arm, LIMITS[excess.limit].unit, excess.joint)
     found = excess.describe(f"joint {excess.joint + 1}", unit, float(set_points.t[0]))
-    return f"The {found}. {excess.remedy}"
+    return f"the {found}. {excess.remedy}"

@@ -28,8 +28,9 @@ PLAN = "limits"
 USER = "command_limits"
 ASSUMED = "assumed"
 NONE = ""
-# Set-points whose use of a limit is within this share of it are limited by it.
-AT_LIMIT = 1e-6
+# Set-points whose use of a limit is within this share of it are limited by it. The nearest
+# set-points leave room for their digits, at a cycle of 0.1 ms about this share.
+AT_LIMIT = 1e-3
 ACCELERATION = BY_ORDER.index("joint_acceleration")
 NO_BOUND = np.array([[-np.inf], [np.inf]])
 
@@ -74,8 +75,9 @@ class SetPointExcess(NamedTuple):
                 f"of {limit}"
             )
         what = self.limit.removeprefix("joint_")
+        article = "an" if what == "acceleration" else "a"
         return (
-            f"set-points of {joint} have a {what} of {self.needed:.6g} {unit} {time}, "
+            f"set-points of {joint} have {article} {what} of {self.needed:.6g} {unit} {time}, "
             f"{self.ratio:.3g} times the limit of {limit}"
         )
 
@@ -88,7 +90,8 @@ class SetPointExcess(NamedTuple):
             return (
                 "No maker states this limit. If your controller accepts more, specify "
                 "command_limits.joint_acceleration (inf for no limit). Otherwise compensate by the "
-                "method inverse, whose set-points keep the limit, or plan a slower motion."
+                "method inverse at the controller's cycle, whose set-points keep the limit, or "
+                "plan a slower motion."
             )
         return "Compensate by the method inverse, or plan a slower motion."
 
@@ -141,6 +144,16 @@ class SetPointRule(Frozen):
         """The rule without any limit."""
         return replace(self, bounds=np.full_like(self.bounds, np.inf) * [[-1.0], [1.0]])
 
+    def without_assumed(self) -> SetPointRule:
+        """Return the rule without an assumed limit."""
+        if self.sources[ACCELERATION] != ASSUMED:
+            return self
+        bounds = self.bounds.copy()
+        bounds[ACCELERATION] = NO_BOUND
+        sources = list(self.sources)
+        sources[ACCELERATION] = NONE
+        return replace(self, bounds=bounds, sources=tuple(sources))
+
     def within(self, limits: Limits, source: str) -> SetPointRule:
         """Return the rule within further limits of set-points. They replace assumed ones.
 
@@ -163,7 +176,7 @@ class SetPointRule(Frozen):
         bounds = command_bounds(controller.limits, self.bounds.shape[2])
         for order, factor in (1, controller.velocity_factor), (2, controller.acceleration_factor):
             if factor is not None:
-                bounds[order] = _intersection(bounds[order], factor * self.plan[order])
+                bounds[order] = intersection(bounds[order], factor * self.plan[order])
         cycles = [x for x in (self.cycle, controller.cycle) if x is not None]
         rule = self._tightened(bounds, controller.title)
         return replace(rule, cycle=min(cycles, default=None), effect=controller.effect)
@@ -177,7 +190,7 @@ class SetPointRule(Frozen):
                 continue
             if sources[order] == ASSUMED:
                 tightened[order] = NO_BOUND
-            narrower = _intersection(tightened[order], given)
+            narrower = intersection(tightened[order], given)
             if (narrower != tightened[order]).any():
                 sources[order] = source
             tightened[order] = narrower
@@ -186,9 +199,11 @@ class SetPointRule(Frozen):
     def at_cycle(self, cycle: float) -> FloatArray:
         """Return bounds on set-points at a cycle, so that the controller reads no excess.
 
-        If the controller reads every c seconds the lines between set-points that are h > c apart,
+        If the controller reads every c seconds the lines between set-points that are h >= c apart,
         the velocity changes by Δv at a set-point within one cycle c. The acceleration that it reads
-        is Δv / c, the jerk Δv / c². So the acceleration over h is at most `min(A c / h, J c² / h)`.
+        is Δv / c, the jerk Δv / c². If h < 2 c, it may read two such changes at once, and then a
+        jerk of (3 - h / c) Δv / c². So the acceleration over h is at most the smaller of `A c / h`
+        and `J c² / h / max(1, 3 - h / c)`.
 
         - `cycle`: time h between set-points [s].
         """
@@ -197,8 +212,8 @@ class SetPointRule(Frozen):
             return self.bounds
         bounds = self.bounds.copy()
         from_acceleration = self.bounds[2] * read / cycle
-        from_jerk = self.bounds[3] * read**2 / cycle
-        bounds[2] = _intersection(from_acceleration, from_jerk)
+        from_jerk = self.bounds[3] * read**2 / cycle / max(1.0, 3.0 - cycle / read)
+        bounds[2] = intersection(from_acceleration, from_jerk)
         bounds[3] = NO_BOUND
         return bounds
 
@@ -324,7 +339,7 @@ def _bounds_of_data(data: Any) -> FloatArray:
     return np.where(np.isnan(bounds), [[-np.inf], [np.inf]], bounds)
 
 
-def _intersection(first: FloatArray, second: FloatArray) -> FloatArray:
+def intersection(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the tighter of two pairs of bounds, (2, dof)."""
     return np.stack([np.maximum(first[0], second[0]), np.minimum(first[1], second[1])])
 

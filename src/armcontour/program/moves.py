@@ -160,7 +160,8 @@ class Contour(Checked):
         """Arc lengths at which the process is switched on and off [m], between the leads."""
         return (0.0, self.path.length) if self.work is None else self.work
 
-    def origin_at(self, s: float) -> str:
+    @checked
+    def origin_at(self, s: Distance) -> str:
         """Name the place in the file that defines the contour at an arc length.
 
         Examples are "line 12 (N120)" and "LINE handle 2F on layer 'CUT'". Short moves along a line

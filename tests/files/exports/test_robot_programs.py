@@ -35,7 +35,7 @@ limits: {speed: 60 mm/s}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 20 ms}
 cycle: 2 ms
-runs: {one: {}}
+runs: {one: {timing: {reserve: 5 %}}}
 export:
   formats: [urscript, kuka, abb]
   cycle: 16 ms

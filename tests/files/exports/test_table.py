@@ -32,6 +32,7 @@ from armcontour.files.exports import export_table as table_module
 from armcontour.files.exports.export_table import csv_pieces, event_data
 from armcontour.files.exports.formats import ENDINGS
 from armcontour.motion import TimedEvent
+from armcontour.motion.set_point_rule import make_rule
 
 CYCLE = 0.004
 JERK = 7.2  # rad/s³
@@ -161,10 +162,8 @@ def events_in(cell):
 def test_pandas_reads_an_exported_csv_file(table, tmp_path, dof):
     exported = table(dof)
     for decimals, cycle in ((7, 0.008), (9, 0.001), (12, CYCLE), (9, CYCLE)):
-        limits = ac.Limits() if decimals == 12 else None
-        exported = dataclasses.replace(
-            exported, t=np.arange(9) * cycle, cycle=cycle, command_limits=limits
-        )
+        rule = make_rule(ac.Limits(), dof) if decimals == 12 else None
+        exported = dataclasses.replace(exported, t=np.arange(9) * cycle, cycle=cycle, rule=rule)
         CsvFormat().write(exported, tmp_path / "a.csv")
         columns = pd.read_csv(tmp_path / "a.csv")
         assert len(columns.columns) == 1 + 3 * dof + 1
@@ -270,9 +269,11 @@ def rounded():
         ac.plan(ac.round_corners(path, tolerance=1e-3), arm, ac.Limits(joint_acceleration=0.72)),
         ac.plan(path, arm, ac.Limits(joint_acceleration=0.72, joint_jerk=JERK)),
     ]
-    return [ac.compensate(x, servo, cycle=CYCLE) for x in plans]
+    options = ac.Inverse(command_limits=ac.Limits(joint_acceleration=0.72))
+    return [ac.compensate(x, servo, options, cycle=CYCLE) for x in plans]
 
 
+@pytest.mark.filterwarnings("ignore:.*exported accelerations:UserWarning")
 @pytest.mark.parametrize("derivatives", [0, 1, 2])
 @pytest.mark.parametrize("tolerance", [2e-5, 3e-4])
 def test_a_reduced_export_stays_within_the_tolerance_between_points(

@@ -1,5 +1,7 @@
 """Servo models, their feed-forward and their simulation."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -31,12 +33,14 @@ def arm():
 def plan(arm):
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26)])
     limits = ac.Limits.only(joint_acceleration=[20.0, 20.0], speed=0.2)
-    return ac.plan(
+    plan = ac.plan(
         ac.round_corners(path, tolerance=2e-3),
         arm,
         limits,
         ac.Optimal(intervals=400, reserve=0.5, configuration="positive"),
     )
+    # Its set-points have no limits.
+    return dataclasses.replace(plan, limits=None)
 
 
 def servo_of(kind, **more):

@@ -18,6 +18,7 @@ from armcontour.studies.certification.case import Attempt, Move
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
 PAPER = ("[0.350, 0.100], [0.410, 0.150], [0.280, 0.300], [0.350, 0.350]", "5 mm")
+EXACT = "command_limits: {joint_acceleration: inf}"  # set-points of the exact inverse
 SHORT = ("[0.350, 0.100], [0.380, 0.125], [0.350, 0.160]", "2 mm")
 JOB = """
 name: paper
@@ -64,7 +65,7 @@ def job(kind, cycle="4 ms", method="inverse", servo="", more=""):
 
 @pytest.fixture(scope="module")
 def certified():
-    more = "certificate: {servo_error: 2 um, rms: 0.5 um}\nexperiment: {}"
+    more = f"certificate: {{servo_error: 2 um, rms: 0.5 um}}\nexperiment: {{}}\n{EXACT}"
     return ac.certify(job(PAPER, more=more))
 
 
@@ -101,13 +102,19 @@ def test_the_papers_job_is_certified_at_4_ms_with_the_parts_of_its_budget(certif
     assert budget.executed == pytest.approx(worst, rel=1e-12)
     assert budget.left == pytest.approx(2e-6 - worst, rel=1e-9)
     # With set-points twenty times as often only the servo's part is left.
-    often = ac.compensate(certificate.trajectory, certificate.job.servo, ac.Inverse(), cycle=2e-4)
+    options = certificate.result.run.compensation
+    often = ac.compensate(certificate.trajectory, certificate.job.servo, options, cycle=2e-4)
     ideal = ac.ServoPlant(certificate.job.arm, certificate.job.servo, saturation="none")
     tool = ac.simulate(often, ideal, resolution=2e-4).tool
     # A third of a nanometre, up to rounding.
     distance = certificate.result.path.path.project(tool).distance.max()
     assert budget.servo == pytest.approx(distance, abs=1e-11)
     assert 0 < certificate.headroom.max() < 1
+    # Limits of the set-points cost little.
+    limited = ac.certify(job(PAPER), goal=certified.goal)
+    judged(limited)
+    assert certified.duration < limited.duration < 1.003 * certified.duration
+    assert limited.result.set_points.limit_cost is not None
 
 
 def test_a_certificate_that_fails_in_its_experiment_is_not_kept(certified):
@@ -229,7 +236,7 @@ def test_gains_with_an_error_of_ten_percent_are_certified():
 
 
 def test_errors_of_the_dead_time_are_certified():
-    delayed = job(SHORT, servo=", dead_time: 40 ms")
+    delayed = job(SHORT, servo=", dead_time: 40 ms", more=EXACT)
     # Shared by all joints, it costs nothing.
     shared = Uncertainty(dead_time=2e-3, dead_time_shared=True)
     certificate = ac.certify(delayed, goal=ac.CertificateGoal(servo_error=2e-6, box=shared))

@@ -14,6 +14,7 @@ from armcontour.control.compensation.method import CompensationOptions
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.text import capitalise
 from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
 from armcontour.motion.execution import describe_excess
 from armcontour.motion.set_point_rule import SetPointRule, make_rule
@@ -74,7 +75,7 @@ def compensate(
     """
     set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
     for excess in set_points.use.excesses:
-        warnings.warn(describe_excess(excess, set_points), stacklevel=3)
+        warnings.warn(capitalise(describe_excess(excess, set_points)), stacklevel=3)
     if options.compensates and servo.doubt:
         warnings.warn(servo.doubt, stacklevel=3)
     return set_points

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints
 from armcontour.motion.nearest_commands import find_excess, nearest_commands
-from armcontour.motion.set_point_rule import USER
+from armcontour.motion.set_point_rule import ACCELERATION, USER, intersection
 from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
 from armcontour.robot.limits import LIMITS
@@ -33,7 +35,9 @@ UNLIMITED = np.array([[-np.inf], [np.inf]])
 def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None = None) -> SetPoints:
     """Replace set-points by the nearest ones within their rule.
 
-    If nobody states the limits, and the plan itself exceeds them, the set-points stay as they are.
+    If the plan exceeds an assumed limit where the controller reads lines between its set-points,
+    this limit counts at the set-points only, and if the plan exceeds it there as well, not at all.
+    If nobody states a limit, and the plan exceeds its own, the set-points stay as they are.
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
@@ -42,19 +46,27 @@ def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None =
         CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
             set-points satisfy it.
     """
+    rule = set_points.rule
+    stated = rule.without_assumed().at_cycle(set_points.cycle)
+    at_set_points = stated.copy()
+    at_set_points[ACCELERATION] = intersection(stated[ACCELERATION], rule.bounds[ACCELERATION])
+    for bounds in (rule.at_cycle(set_points.cycle), at_set_points):
+        with suppress(CompensationError):
+            return _limit(set_points, bounds, servo, arm)
     try:
-        return _limit(set_points, servo, arm)
+        return _limit(set_points, stated, servo, arm)
     except CompensationError:
-        if set_points.rule.is_stated:
+        if rule.is_stated:
             raise
         return set_points
 
 
-def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoints:
-    """Replace set-points by the nearest ones within their rule; see `limit_set_points`."""
+def _limit(
+    set_points: SetPoints, bounds: FloatArray, servo: ServoModel, arm: Arm | None
+) -> SetPoints:
+    """Replace set-points by the nearest ones within bounds; see `limit_set_points`."""
     dof = set_points.q.shape[1]
     cycle = set_points.cycle
-    bounds = set_points.rule.at_cycle(cycle)
     if find_excess(set_points.q, cycle, bounds) is None:
         return set_points
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
@@ -64,20 +76,48 @@ def _limit(set_points: SetPoints, servo: ServoModel, arm: Arm | None) -> SetPoin
     for extension in (extension_of(servo, bounds), LONGEST_TAIL):
         extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
-        nearest, joint = nearest_commands(q, cycle, bounds)
+        start = set_points.start_time - extra * cycle
+        nearest, joint = _nearest_between_waits(q, start, set_points, bounds)
         if joint is None:
             break
     else:
         assert joint is not None
         _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
+        sources = ", ".join(dict.fromkeys(filter(None, set_points.rule.sources)))
         raise CompensationError(
-            f"No set-points of joint {joint + 1} satisfy their limits "
-            f"({', '.join(filter(None, set_points.rule.sources))}) and reach the ends of the plan, "
-            f"even with {LONGEST_TAIL:g} s more before and after the plan. Plan a slower motion.",
+            f"No set-points of joint {joint + 1} satisfy their limits ({sources}) and reach the "
+            f"ends of the plan, even with {LONGEST_TAIL:g} s more before and after the plan. Plan "
+            "a slower motion.",
             joint=joint,
         )
-    longer = replace(set_points, q=nearest, start_time=set_points.start_time - extra * cycle)
+    longer = replace(set_points, q=nearest, start_time=start)
     return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
+
+
+def _nearest_between_waits(
+    q: FloatArray, start: float, set_points: SetPoints, bounds: FloatArray
+) -> tuple[FloatArray, int | None]:
+    """Return the nearest set-points, which rest at waits for inputs as before; see `_limit`.
+
+    Between two waits, they are found as those of a motion from rest to rest.
+
+    - `q`: extended set-points [rad], (n, dof).
+    - `start`: time of the first of them [s].
+    """
+    cycle = set_points.cycle
+    waits = {round((x.t - start) / cycle) for x in set_points.trajectory.waits}
+    ends = [0, *sorted(x for x in waits if 0 < x < len(q) - 1), len(q) - 1]
+    nearest = q.copy()
+    for first, last in pairwise(ends):
+        piece, joint = nearest_commands(q[first : last + 1], cycle, bounds)
+        if joint is not None:
+            break
+        nearest[first : last + 1] = piece
+    else:
+        if find_excess(nearest, cycle, bounds) is None:
+            return nearest, None
+    # Where the rests are too short for this, the set-points move at the waits.
+    return nearest_commands(q, cycle, bounds)
 
 
 def extension_of(servo: ServoModel, bounds: FloatArray) -> float:
@@ -112,6 +152,10 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     limit = f"{excess.allowed:.6g} {unit}"
     source = set_points.rule.sources[excess.order]
     increase = ", or increase the command limit" if source == USER else ""
+    read = set_points.rule.cycle
+    if excess.order == ACCELERATION and read is not None and read < cycle:
+        source = f"because the controller reads the lines between them every {read * 1e3:g} ms"
+        increase = f", or use a cycle of {read * 1e3:g} ms"
     raise CompensationError(
         f"The plan must stay within the limit {name} of its set-points, {limit} ({source}), but "
         f"joint {joint + 1} has {excess.needed:.6g} {unit} at t = {time:.6g} s. Set-points within "

@@ -263,13 +263,15 @@ def make_table(
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only; by default 2,
-            but 0 for set-points with limits of the user or a controller, which are limits of their
-            differences.
+            but 0 for set-points that differ from their plan and have limits of the user or a
+            controller, which are limits of their differences.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
         origin: When and of what the table is made, for a comment of the file; empty: none.
     """
     if isinstance(data, SetPoints):
+        if derivatives is None and equals_plan(data.q, data.trajectory.with_rests(data.t)):
+            derivatives = 2
         samples = _sample_set_points(data, cycle, derivatives)
         step = data.cycle
         start = data.start_time

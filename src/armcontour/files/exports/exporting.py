@@ -33,6 +33,7 @@ from armcontour.files.exports.formats import (
 from armcontour.jobs import Job, RunResult, analog_outputs
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.motion.controller_facts import facts_of_format
+from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule
 from armcontour.robot import Arm
 from armcontour.robot.limits import LIMITS
 
@@ -154,22 +155,35 @@ class Exporting:
         controller = facts_of_format(self.format.label)
         if controller is not None:
             rule = rule.of_controller(controller)
+        known = {x.limit for x in table.rule.judge(table.q, table.cycle).excesses}
         sentences = []
         for excess in rule.judge(table.q, table.cycle).excesses:
             joint = excess.joint
             unit = joint_units(LIMITS[excess.limit].unit, table.prismatic)[joint]
             found = f"the {excess.describe(table.joint_names[joint], unit)}"
+            remedy = excess.remedy
+            if excess.limit not in known:
+                # The set-points keep the limits with which they were computed.
+                remedy = (
+                    f"Compute set-points for this format: armcontour run JOB --export "
+                    f"{self.format.label}. {self._python_remedy(excess, rule, table)}"
+                )
             if not excess.is_assumed:
                 raise InvalidInput(
-                    f"{capitalise(found)}. Compute set-points for this format: armcontour run "
-                    f"JOB --export {self.format.label}. In Python, compensate with command_limits "
-                    f"whose {excess.limit} is this limit.",
+                    f"{capitalise(found)}. {remedy}",
                     joint=joint,
                     needed=excess.needed,
                     allowed=excess.allowed,
                 )
-            sentences.append(f"{found}. {excess.remedy}")
+            sentences.append(f"{found}. {remedy}")
         return sentences
+
+    @staticmethod
+    def _python_remedy(excess: SetPointExcess, rule: SetPointRule, table: SetPointTable) -> str:
+        """Write how to compute other set-points in Python, as a sentence."""
+        if rule.cycle is not None and rule.cycle < table.cycle:
+            return f"In Python, compensate with the controller's cycle of {rule.cycle:g} s."
+        return f"In Python, compensate with command_limits whose {excess.limit} is this limit."
 
     def check_compensation(self, name: str, is_plan: bool) -> None:
         """Refuse set-points that differ from the plan if the controller plans the motion itself."""
@@ -211,14 +225,15 @@ def export(
 
     Warns:
         UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
-            an event or set an analog output, because no output is named; or a program has more than
-            10,000 points.
+            an event or set an analog output, because no output is named; a program has more than
+            10,000 points; or set-points exceed an assumed limit.
 
     Raises:
         InvalidInput: No format has the extension, an output belongs to an unknown event, the format
             does not wait for inputs or an input is not named, the template has an error, the format
             does not support the data (a controller that plans the motion itself, as with kuka and
-            abb, needs the trajectory), or the file cannot be written.
+            abb, needs the trajectory), set-points exceed a limit of the plan, the user or the
+            controller, or the file cannot be written.
     """
     destination = FilePath(file)
     named = format_of(destination) if format is None else format

@@ -160,7 +160,14 @@ class ExportFormat(Checked):
     def of_run(
         self, options: Exports, result: RunResult, data: SetPoints | Trajectory, arm: Arm
     ) -> ExportFormat:
-        """Return the format with what it takes from a run; `data` are exported."""
+        """Return the format with what it takes from a run.
+
+        Args:
+            options: The exports of the job.
+            result: The run.
+            data: What is exported.
+            arm: The arm.
+        """
         return self.with_motions(result.trajectory, arm, result.execution)
 
     @checked
@@ -231,7 +238,14 @@ class RosYamlFormat(ExportFormat):
     def of_run(
         self, options: Exports, result: RunResult, data: SetPoints | Trajectory, arm: Arm
     ) -> RosYamlFormat:
-        """Return the format with tolerances of a run's execution, if they are requested."""
+        """Return the format with tolerances of a run's execution, if they are requested.
+
+        Args:
+            options: The exports of the job.
+            result: The run.
+            data: What is exported.
+            arm: The arm.
+        """
         if isinstance(data, Trajectory) or not options.tolerances or result.execution is None:
             return self
         return replace(self, tolerances=predict_tolerances(result.execution, options.tolerances))

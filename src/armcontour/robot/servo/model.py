@@ -341,8 +341,9 @@ class ServoModel(Checked):
             return self
         if self.source and self.kp.ndim and self.kp.size != dof:
             raise ArmMismatch(
-                f"The servo ({self.source}) has {self.kp.size} joints, but the arm has {dof}. Use "
-                "a servo of this arm, or gains such as {kp: 25 1/s, kv: 150 1/s}."
+                f"The servo ({self.source}) has {self.kp.size} joints, but the arm has {dof}. "
+                f"Specify gains with one value, or a list of {dof} values, such as "
+                f"{{kp: 25 1/s, kv: 150 1/s}}. The gains of this servo: {self.describe(None)}."
             )
         changes: dict[str, Any] = {}
         for name in PER_JOINT:

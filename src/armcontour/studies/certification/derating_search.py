@@ -63,6 +63,9 @@ LEAST_STEP = 0.49
 # half per attempt. Therefore the excess is squared after this many attempts, cubed after twice as
 # many, and so on.
 POWER_TRIALS = 5
+# At the same time, the excess is increased by this much, because limits of set-points spread a
+# command over its neighbours, where a small excess would otherwise move from cell to cell.
+EXTRA_DERATING = 1e-4
 # Largest number of attempts for a move between two verdicts.
 MAX_TRIALS = 25
 # Largest number of verdicts in a search.
@@ -477,7 +480,11 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
     - `tries`: number of times that the move was derated since the last check.
     """
     power = 1 + tries // POWER_TRIALS
-    ratios = {cause: np.maximum(use / goals[cause], 1.0) for cause, use in uses.items()}
+    extra = EXTRA_DERATING * (power - 1)
+    ratios = dict[str, FloatArray]()
+    for cause, use in uses.items():
+        ratio = use / goals[cause]
+        ratios[cause] = np.where(ratio > 1, ratio + extra, 1.0)
     acceleration_share = ratios.pop("acceleration") ** -power
     derating = move.derating.with_share(acceleration_share, "acceleration")
     speed = largest_squares(move.plan, derating.cells)
