@@ -24,7 +24,7 @@ for place in explanation.shortfalls:
     print(f"  {place.kind}: {place.sentence}")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
 for options in (ac.NoCompensation(), ac.PolePlacement(), ac.InverseDynamics()):
-    set_points = ac.compensate(planned, servo, options, cycle=4e-3, arm=arm)
+    set_points = ac.compensate(planned, servo, options, cycle=2e-3, arm=arm)
     for plant in (ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo)):
         error = ac.evaluate(
             ac.simulate(set_points, plant), rounded, objective=objective

@@ -19,9 +19,10 @@ except ac.Unreachable as error:
 
 # With only the axis prescribed, `plan` chooses the rotation about it.
 free = seam.following_tangent((0.0, 0.0, 1.0), axis_only=True)
-planned = ac.plan(free, arm, limits)
+# The plan leaves 5 % of the joint acceleration to the servo.
+planned = ac.plan(free, arm, limits, ac.Optimal(reserve=0.05))
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
+set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=2e-3)
 result = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), free, limits=limits)
 print(f"free:  all {free.length * 1e3:.0f} mm in {planned.duration:.2f} s")
 print(

@@ -20,7 +20,7 @@ loaded = arm.with_dynamics(
 )
 real = servo.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
 
-set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=4e-3, arm=arm)
+set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=2e-3, arm=arm)
 errors = []
 for run in range(1, 4):
     robot = ac.RigidBodyPlant(loaded, real, controller=arm, noise=1e-5, seed=run)

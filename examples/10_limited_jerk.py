@@ -16,7 +16,7 @@ def show(name, path, limits):
     jerk = np.abs(planned(inside, 3)).max()
     samples = planned(np.arange(0.0, planned.duration, CYCLE))
     thirds = np.abs(np.diff(samples, 3, axis=0)).max() / CYCLE**3
-    set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=CYCLE)
+    set_points = ac.compensate(planned, servo, without_limit, cycle=CYCLE)
     seconds = np.abs(np.diff(set_points.q, 2, axis=0)).max() / CYCLE**2
     executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     error = ac.evaluate(executed, path).contour_error
@@ -27,6 +27,8 @@ def show(name, path, limits):
 
 arm = ac.load_arm("pmk3s")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
+# By default, set-points have at most 3 times the planned acceleration.
+without_limit = ac.Inverse(command_limits=ac.Limits(joint_acceleration=np.inf))
 objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
 limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 arcs = ac.round_corners(objective, tolerance=5e-3)

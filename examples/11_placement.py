@@ -12,7 +12,7 @@ run = ac.Run(
     name="square",
     limits=arm.limits.replace(speed=0.25, joint_acceleration=8.0),
     rounding=ac.Rounding(tolerance=1e-3),
-    cycle=4e-3,
+    cycle=2e-3,
 )
 job = ac.Job(
     name="square",

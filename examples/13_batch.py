@@ -13,7 +13,7 @@ limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 4 ms
-runs: {only: {}}
+runs: {only: {timing: {reserve: 2 %}}}
 """
 OVER = {
     "limits.speed": ["40 mm/s", "80 mm/s", "120 mm/s"],

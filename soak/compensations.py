@@ -18,7 +18,7 @@ from soak import Outcome
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
 KP = 25.0  # 1/s, nominal
 KV = 150.0  # 1/s, nominal
-CYCLE = 4e-3  # s, between set-points
+CYCLE = 2e-3  # s, between set-points
 # Gains of robots differ from the nominal ones by at most this share.
 GAINS = 0.2
 # Number of robots with such gains.

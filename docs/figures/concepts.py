@@ -33,7 +33,7 @@ def draw_square_corner() -> Figure:
     exec(next(x.text for x in blocks(README) if x.language == "python"), example)
     plan = example["planned"]
     path = example["rounded"]
-    uncompensated = ac.compensate(plan, example["assumed"], ac.NoCompensation(), cycle=4e-3)
+    uncompensated = ac.compensate(plan, example["assumed"], ac.NoCompensation(), cycle=2e-3)
     figure, (corner, errors) = plt.subplots(1, 2, figsize=(8.6, 3.4), width_ratios=(1, 1.5))
     square = 1e3 * example["square"].vertices
     corner.plot(*square.T[:2], color=style.OBJECTIVE, ls="--", label="drawing")

@@ -250,11 +250,13 @@ def test_every_one_of_many_contours_is_reached_in_the_list(pages, folder):
     assert all(x >= 0 for x in selected.evaluate(place_in_list))
     # So is the one before, on the page before.
     search.fill("201")
+    expect(rows).to_have_count(1)
     rows.first.locator("button").first.click()
     studio.find("body").press("[")
     expect(selected).to_contain_text("200")
     assert all(x >= 0 for x in selected.evaluate(place_in_list))
     search.fill("217")
+    expect(rows).to_have_count(1)
     rows.first.locator("button").first.click()
     search.fill("no such layer")
     expect(rows).to_have_count(0)
