@@ -326,7 +326,7 @@ class Check(BagOptions, Json):
     noise: Text = None
     controller: Text = None
     rate: Text = None
-    set_points: bool = False
+    set_points: Annotated[bool, typer.Option("--set-points")] = False
 
 
 @command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "study_commands")
