@@ -86,7 +86,7 @@ CYCLES = [(1.0, 4.0), (2.0, 3.0), (4.0, 5.0), (1.0, 2.7), (2.0, 2.0), (4.0, 1.0)
 def test_the_judge_reads_what_a_controller_reads(read, cycle):
     limits = ac.Limits(joint_velocity=2.0, joint_acceleration=30.0, joint_jerk=1e4)
     rule = dataclasses.replace(make_rule(ac.Limits(), 1, limits), cycle=read)
-    for count in (2, 3, 10, 50):
+    for count in (1, 2, 3, 10, 50):
         q = RANDOM.normal(size=count)
         use = rule.judge(q[:, None], cycle)
         expected = largest_read(q, cycle, read)
