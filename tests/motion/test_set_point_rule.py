@@ -89,13 +89,13 @@ def test_the_judge_reads_what_a_controller_reads(read, cycle):
     for count in (1, 2, 3, 10, 50):
         q = RANDOM.normal(size=count)
         use = rule.judge(q[:, None], cycle)
-        expected = largest_read(q, cycle, read)
-        for name, value in zip(NAMES, expected, strict=True):
+        beyond = {}
+        for name, value in zip(NAMES, largest_read(q, cycle, read), strict=True):
             limit = getattr(limits, name)
             assert use.ratios[name] == pytest.approx(value / limit, rel=1e-6)
-        assert {x.limit: x.needed for x in use.excesses} == pytest.approx(
-            dict(zip(NAMES, expected, strict=True)), rel=1e-6
-        )
+            if value > limit:
+                beyond[name] = value
+        assert {x.limit: x.needed for x in use.excesses} == pytest.approx(beyond, rel=1e-6)
 
 
 @pytest.mark.parametrize(("read", "cycle"), np.array(CYCLES[:4]) * 1e-3)
