@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.controllers.simulated import Simulated
@@ -179,6 +181,39 @@ def test_rows_at_full_speed_are_those_of_the_plan(text, cycle):
         sent = np.concatenate([sent[:k], chunk.q])
     assert len(sent) == len(rows.q)
     np.testing.assert_allclose(sent, rows.q, atol=1e-10)
+
+
+def test_rows_of_a_changing_override_are_within_the_limits_of_set_points():
+    """Own differences of all rows, with pauses, late chunks, and changes in every chunk."""
+    rows = rows_of(JOB, 1e-3)
+    plan = rows.set_points.trajectory
+    limit = np.abs(plan.limits_for(None).joint_acceleration)
+    wanted = np.random.default_rng(3)
+    chunk = rows.first(1.0)
+    sent = chunk.q
+    k = 0
+    while not chunk.pace.is_complete:
+        k += int(wanted.integers(20, 300))
+        sent = np.pad(sent, ((0, max(k - len(sent), 0)), (0, 0)), mode="edge")
+        override = float(wanted.choice([0.0, 0.3, 0.9, 1.0, 1.0]))
+        chunk = rows.next(chunk, k, override)
+        sent = np.concatenate([sent[:k], chunk.q])
+    rest = np.repeat(sent[:1], 3, axis=0)
+    accelerations = np.abs(np.diff(np.concatenate([rest, sent]), 2, axis=0)).max(axis=0) / 1e-6
+    assert (accelerations <= 3.0 * limit * (1 + 1e-6)).all()
+    assert (accelerations > 2.9 * limit).any()
+    np.testing.assert_allclose(sent[-1], plan(plan.duration), atol=1e-9)
+
+
+def test_rows_depend_on_what_was_sent_last_and_not_on_earlier_rows():
+    rows = rows_of(JOB, 1e-3)
+    before = rows.first(1.0, 1.0)
+    k = 900
+    changed = before.set_points.copy()
+    # Beyond the rows that are compared to decide when the override changes
+    changed[: k - 400] += 0.1
+    other = replace(before, set_points=changed)
+    np.testing.assert_array_equal(rows.next(before, k, 0.5).q, rows.next(other, k, 0.5).q)
 
 
 def test_a_late_chunk_leads_on_from_the_stop():

@@ -20,7 +20,7 @@ from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
 from armcontour.core.quantities import AngularDistance, AngularRate, Frequency
 from armcontour.core.render import plain
-from armcontour.core.result import Row
+from armcontour.core.result import VERDICT, Data, Row
 from armcontour.core.text import digits, joint_label, list_some, show
 from armcontour.core.yaml_loader import load
 from armcontour.files.drawings.path_reader import YAML
@@ -30,10 +30,13 @@ from armcontour.files.limits_and_servo_files import MotionRequirements
 from armcontour.files.robots.arm_loading import load_arm
 from armcontour.jobs import Job, Run, find_resumption, prepare_program, round_program
 from armcontour.jobs.job import find_run
+from armcontour.jobs.rows import set_point_rows
+from armcontour.motion import make_rule
 from armcontour.motion.log import raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
 from armcontour.program import Program
 from armcontour.robot import Arm
+from armcontour.robot.limits import LIMITS
 from armcontour.verification import InterpolationCheck
 from armcontour.verification.clearance import Clearance, check_clearance
 from armcontour.verification.limit_verdict import VERDICTS
@@ -41,6 +44,8 @@ from armcontour.verification.limit_verdict import VERDICTS
 # Standard deviation below which scatter counts as rounding, not as noise [rad]. The steps of a
 # 32-bit encoder are 1.5e-9 rad.
 MIN_NOISE = 1e-9
+# Times between set-points may differ by this share, because they are printed with few digits.
+UNEVEN_SHARE = 1e-3
 # Maximum number of listed column titles.
 MAX_TITLES = 8
 # Exit codes by verdict; no error has the exit code 7.
@@ -53,6 +58,8 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
     cell_arm, scene = (None, None) if options.scene is None else read_cell_scene(options.scene)
     arm = _arm(options, cell_arm if job is None else job.arm)
     run = None if job is None else _run(job, options)
+    if options.set_points:
+        return _check_set_points(options, arm, job, run)
     path = None if job is None or run is None else _path(job, run)
     required = _requirements(options, run, arm)
     samples = _samples(options, arm)
@@ -86,6 +93,42 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
     lines += filter(None, [data.not_proven])
     page = _page(samples, result, clearance, commands)
     return Outcome(lines=lines, page=page, code=EXIT_CODES[max(verdicts, key=VERDICTS.index)])
+
+
+def _check_set_points(options: Check, arm: Arm, job: Job | None, run: Run | None) -> Outcome:
+    """Judge the samples as set-points of a controller.
+
+    Raises:
+        InvalidInput: The samples have no regular times.
+    """
+    limits = _requirements(options, run, arm).limits.over(arm.limits)
+    rule = make_rule(limits, arm.dof)
+    if job is not None and run is not None:
+        rule = job.rule(run, limits)
+    samples = _samples(options, arm)
+    steps = np.diff(samples.t)
+    cycle = float(np.median(steps)) if len(steps) else 0.0
+    if not len(steps) or np.abs(steps - cycle).max() > UNEVEN_SHARE * cycle:
+        raise InvalidInput(
+            f"{samples.source} must have at least two samples at regular times, because "
+            "set-points are judged by their differences over a cycle."
+        )
+    use = rule.judge(samples.q, cycle)
+    verdict = "violated" if use.stated_excess else "kept"
+    notes = []
+    for excess in use.excesses:
+        unit = arm.chain.unit(LIMITS[excess.limit].unit, excess.joint)
+        joint = joint_label(excess.joint + 1, arm.joint_names)
+        found = excess.describe(f"joint {joint}", unit, float(samples.t[0]))
+        notes.append(f"The {found}. {excess.remedy}")
+    rows = (
+        Row("verdict", verdict, "", "verdict", level=VERDICT),
+        Row("cycle", cycle, "s", "cycle", "of the set-points"),
+        *set_point_rows(use, arm),
+        Row("command_use", dict(use.ratios), "1"),
+    )
+    data = Data("Check of set-points", rows, notes=tuple(notes))
+    return Outcome(lines=data_lines(data), page=plain(data), code=EXIT_CODES[verdict])
 
 
 def _arm(options: Check, default: Arm | None) -> Arm:
@@ -262,8 +305,7 @@ def _remarks(
             "measured positions, and the check treats this noise as motion. If the positions are "
             "measured, declare their largest error with --noise, such as "
             f"'{digits(4e3 * noise, 2)} mrad'; then only deviations beyond this error are "
-            "violations. If they are set-points, whose accelerations jump, check planned.csv "
-            "instead."
+            "violations. If they are set-points, whose accelerations jump, add --set-points."
         )
     return lines
 

@@ -312,6 +312,9 @@ class Check(BagOptions, Json):
         controller: Also check the commands that a controller sends for these points: jtc,
             jtc_spline, jtc_none, linuxcnc or hold.
         rate: Rate of that controller: '500 Hz'.
+        set_points: Check set-points of a controller, as run does: their differences against the
+            limits of set-points, of the job or of the arm. The path is not checked, because
+            compensated set-points do not follow it.
     """
 
     trajectory: Argument
@@ -323,6 +326,7 @@ class Check(BagOptions, Json):
     noise: Text = None
     controller: Text = None
     rate: Text = None
+    set_points: Annotated[bool, typer.Option("--set-points")] = False
 
 
 @command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "study_commands")

@@ -26,6 +26,7 @@ from armcontour.jobs.plan_quantities import (
 from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution, Servoj
+from armcontour.motion.set_point_rule import SetPointUse
 from armcontour.planning import Explanation
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.program import Contour, Program
@@ -439,7 +440,10 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
     yield Row("truncated", set_points.truncated, unit_of(result.arm, "rad"))
     cost = set_points.limit_cost
     use = result.set_point_use
-    yield from _set_point_shares(result)
+    yield from set_point_rows(use, result.arm)
+    if cost is not None:
+        note = f"of the time; changes a set-point by {cost}"
+        yield Row("limited", use.limited_share, "1", "set-points at a limit", note)
     yield Row("command_use", dict(use.ratios), "1")
     yield Row("set_point_rule", use.rule.data())
     yield Row("limited_share", use.limited_share, "1")
@@ -449,32 +453,27 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
     yield Row("limit_contour_max", 0.0 if cost is None else cost.contour_max, "m")
 
 
-def _set_point_shares(result: RunRecord) -> Iterator[Row]:
+def set_point_rows(use: SetPointUse, arm: Arm) -> Iterator[Row]:
     """Yield how far set-points use the plan's limits of velocity and acceleration.
 
-    The notes state the limits of the set-points with their sources, and what they cost.
+    The notes state the limits of the set-points with their sources.
     """
-    use = result.set_point_use
     rule = use.rule
     for order, name in SHARES.items():
         shares = use.shares.get(name)
         if shares is None:
             continue
         joint = int(shares.argmax())
-        unit = unit_of(result.arm, LIMITS[name].unit, joint)
+        unit = unit_of(arm, LIMITS[name].unit, joint)
         # The smaller of both directions, if they differ.
         of_plan = np.abs(rule.plan[order, :, joint]).min()
         allowed = np.abs(rule.bounds[order, :, joint]).min() / of_plan
         source = rule.sources[order]
         limit = f"allowed {number(allowed, '1')}, {source}" if np.isfinite(allowed) else "no limit"
-        note = f"of {number(of_plan, unit)}, joint {joint_label(joint + 1, result.arm.joint_names)}"
+        note = f"of {number(of_plan, unit)}, joint {joint_label(joint + 1, arm.joint_names)}"
         what = name.removeprefix("joint_")
         label = f"set-point {what}"
         yield Row(f"set_point_{what}", shares.max(), "1", label, f"{note}; {limit}")
-    cost = result.set_points.limit_cost
-    if cost is not None:
-        note = f"of the time; changes a set-point by {cost}"
-        yield Row("limited", use.limited_share, "1", "set-points at a limit", note)
 
 
 def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:

@@ -37,7 +37,7 @@ process:
 limits: {speed: 100 mm/s}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 30 ms}
-cycle: 4 ms
+cycle: 2 ms
 runs: {a: {}}
 """)
 INPUTS = {
@@ -88,7 +88,7 @@ def test_programs_wait_for_the_named_inputs_of_a_job_file_and_in_python(tmp_path
         format = TemplateFormat(template=kind, inputs=inputs)
     made = tmp_path / f"reference.{ENDING[kind]}"
     with pytest.warns(UserWarning, match="torch"):
-        ac.export(result.trajectory, made, format, arm=job.arm, cycle=CYCLE)
+        ac.export(result.trajectory, made, format, arm=job.arm, cycle=result.run.cycle)
     # The titles of the programs differ.
     lines = [x.read_text().splitlines()[12:] for x in (made, written)]
     assert lines[0] == lines[1]
