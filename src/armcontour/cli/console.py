@@ -38,10 +38,10 @@ def print_lines(*texts: str, err: bool = False) -> None:
 
 
 def data_lines(data: Data) -> list[str]:
-    """Return the values, tables and notes of a result as lines."""
+    """Return the values, tables and notes of a result as lines, and what it does not prove."""
     from armcontour.core.render import text
 
-    return [*text(data).splitlines(), *data.notes]
+    return [*text(data).splitlines(), *data.notes, *filter(None, [data.not_proven])]
 
 
 def table_lines(
@@ -75,9 +75,15 @@ def table_lines(
             table.columns[k].min_width = words[k]
     for row in rows[1:]:
         table.add_row(*(Text(to_line(x)) for x in row))
-    printed = io.StringIO()
-    Console(file=printed, width=width).print(table)
-    return printed.getvalue().splitlines()
+    # Where columns must wrap, rich exceeds the width by up to one character for each column with a
+    # smallest width.
+    for available in range(width, width - len(words), -1):
+        printed = io.StringIO()
+        Console(file=printed, width=2 * width).print(table, width=available)
+        lines = printed.getvalue().splitlines()
+        if max(map(len, lines)) <= width:
+            break
+    return lines
 
 
 def _longest_word(column: Sequence[str]) -> int:
