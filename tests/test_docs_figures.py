@@ -123,13 +123,45 @@ def test_the_table_of_unknown_gains_in_the_readme_is_computed_again():
             is_printed([error.rms * 1e3, error.max * 1e3], numbers(cell))
 
 
+GASKET = ROOT / "examples" / "drawings" / "gasket.dxf"
+
+
 @needs_dynamics
-def test_the_estimate_at_half_the_speed_in_the_readme_is_computed_again():
+def test_the_estimate_at_half_the_speed_is_computed_again():
     (stated,) = re.findall(r"`--speed-factor '50 %'` leaves ([\d.]+) mm", page("README.md"))
-    drawing = ROOT / "examples" / "drawings" / "gasket.dxf"
-    job = ac.read_job(drawing, cell="ur5e", patch={("speed_factor",): 0.5})
+    (repeated,) = re.findall(r"([\d.]+) mm at half speed", page("docs/guides/gains.md"))
+    job = ac.read_job(GASKET, cell="ur5e", patch={("speed_factor",): 0.5})
     row = ac.run(job).runs["compensated"].to_data()["unknown_gains.max"]
-    is_printed([1e3 * row.value], [stated])
+    is_printed([1e3 * row.value, 1e3 * row.value], [stated, repeated])
+
+
+@needs_dynamics
+def test_what_limits_of_set_points_cost_in_the_guide_is_computed_again():
+    words = " ".join(page("docs/guides/compensations.md").split())
+    times = re.search(r"up to (\d+) times as much as .*? and (\d+) times with the measured", words)
+    costs = re.search(
+        r"of ([\d.]+) mm becomes ([\d.]+) mm with .*? and ([\d.]+) mm becomes ([\d.]+) mm", words
+    )
+    demands = re.search(r"demands (\d+) % of its limit there, instead of (\d+) %", words)
+    job = ac.read_job(GASKET, cell="ur5e")
+    (run,) = job.runs
+    result = ac.run(job, simulate=False).runs[run.name]
+    largest = job.arm.limits.joint_acceleration
+    needed = []
+    errors_found = []
+    demanded = []
+    for servo in (SERVO, job.servo):
+        for options in (ac.Inverse(command_limits=UNLIMITED), INVERSE):
+            points = ac.compensate(result.trajectory, servo, options, cycle=run.cycle)
+            execution = ac.simulate(points, ac.ServoPlant(job.arm, servo, run.limits))
+            error = ac.evaluate(execution, result.path, limits=run.limits).contour_error
+            accelerations = np.abs(np.diff(points.q, 2, axis=0)) / run.cycle**2
+            needed.append((accelerations / largest).max())
+            errors_found.append(1e3 * error.max)
+            demanded.append(100 * (execution.peak_demand / largest).max())
+    is_printed(needed[::2], times.groups())
+    is_printed(errors_found, costs.groups())
+    is_printed([demanded[3], demanded[2]], demands.groups())
 
 
 @needs_dynamics
@@ -267,8 +299,7 @@ def overridden(points, factor):
 
 
 def test_effect_of_an_override_on_the_gasket_is_computed_again():
-    drawings = ROOT / "examples" / "drawings"
-    job = ac.read_job(drawings / "gasket.dxf", cell=drawings / "laser.yaml")
+    job = ac.read_job(GASKET, cell=GASKET.with_name("laser.yaml"))
     (run,) = job.runs
     result = ac.run(job, simulate=False).runs[run.name]
     plan = result.trajectory
