@@ -61,11 +61,13 @@ def run_at(job, robot, speed=1.0, **options):
     return play(job, robot, execute=True, override=speed, **options)
 
 
+def without_saturation(job):
+    """The job with a reserve, because the loops of the robot integrate by steps."""
+    return replace(job, runs=(replace(job.runs[0], timing=ac.Optimal(reserve=0.3)),))
+
+
 def test_a_robot_that_moves_as_simulated_is_kept(job):
-    # Without saturation, because the loops of the robot integrate by steps.
-    timing = ac.Optimal(reserve=0.3)
-    unsaturated = replace(job, runs=(replace(job.runs[0], timing=timing),))
-    played = run_at(unsaturated, simulated())
+    played = run_at(without_saturation(job), simulated())
     assert not played.plan.evaluation.saturated.any()
     data = played.to_data()
     assert played.kept and data["kept"].value and data["completed"].value
@@ -79,7 +81,7 @@ def test_a_robot_that_moves_as_simulated_is_kept(job):
 
 def test_reported_differences_are_computed_from_the_log(job):
     """Differences by the record, and the contour error by the path."""
-    played = run_at(job, simulated(kp=20.0, friction=3e-3))
+    played = run_at(without_saturation(job), simulated(kp=20.0, friction=3e-3))
     execution = played.plan.execution
     record = played.record
     begin = played.plan.set_points

@@ -41,9 +41,7 @@ SVG = (
 JOBS = {
     "corner": {},
     "own speed": {"runs": {"one": SPEED}},
-    "own corners": {
-        "runs": {"one": {"timing": {"reserve": "5 %"}, "corners": {"tolerance": "0.5 mm"}}}
-    },
+    "own corners": {"runs": {"one": {"corners": {"tolerance": "0.5 mm"}}}},
     "zigzag": {"path": {"points": ZIGZAG}},
     "zigzag with an accuracy": {"path": {"points": ZIGZAG}, "accuracy": "2.5 mm"},
     "sharp": {"corners": "sharp"},

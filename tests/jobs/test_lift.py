@@ -20,7 +20,7 @@ limits: {speed: 60 mm/s}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 process: {approach: 10 mm, retract: 10 mm, switch: {name: torch}}
-runs: {one: {timing: {reserve: 5 %}}}
+runs: {one: {}}
 """
 LIFTED = JOB.replace("process: {", "process: {off: true, lift: 20 mm, ")
 
@@ -59,7 +59,7 @@ limits: {speed: 0.10 m/s}
 corners: {tolerance: 2 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 process: {off: true, lift: 20 mm}
-runs: {one: {timing: {reserve: 5 %}}}
+runs: {one: {}}
 """
     with pytest.raises(ac.InvalidInput, match="lift"):
         ac.run(parse_job(text))

@@ -305,13 +305,12 @@ def test_the_worse_of_simulation_and_experiment_determines_the_verdict(seed):
 
 def test_a_suggested_change_makes_a_run_kept_on_rigid_bodies():
     changes = {"corners": {"tolerance": 3e-4}, "experiment": {}}
-    reserve = {"timing": {"reserve": 0.05}}
-    runs = {"one": {**reserve, "compensation": {"method": "inverse"}}}
+    runs = {"one": {"compensation": {"method": "inverse"}}}
     result = with_advice(ac.run(parse_job(yaml.safe_dump({**JOB, **changes, "runs": runs}))))
     run = result.runs["one"]
     assert run.kept is False and run.evaluation.contour_error.max < allowed(run)
     (change,) = (x for x in run.advice.improvements if "inverse_dynamics" in x.label)
     assert change.edits == (("compensation.method", "inverse_dynamics"),) and change.kept
-    (repaired,) = runs_of(**changes, runs={"one": reserve}).values()
+    (repaired,) = runs_of(**changes, runs={"one": {}}).values()
     assert repaired.kept
     assert repaired.to_data()["off_drawing"].value == pytest.approx(change.off_drawing)

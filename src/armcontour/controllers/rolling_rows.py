@@ -226,7 +226,8 @@ class RollingRows:
 
     Args:
         set_points: The set-points of the plan at full speed, as the compensation computes them, or
-            learned ones.
+            learned ones. Where they bound joint accelerations, the difference from others that do
+            not is a correction.
         servo: The servo model of the compensation.
         options: Options of the compensation.
         arm: The arm.
@@ -278,10 +279,15 @@ class RollingRows:
             # earlier than the computed set-points. Row k of the learned set-points corresponds to
             # row k of the computed set-points in any case.
             self._start_time = computed.start_time
-            if np.abs(self.q - self._rows_like(computed)).max() > SAME_ROW:
-                # At full speed, the corrected set-points are the learned ones, within their limits.
-                unlimited = self._window_of(plan, 0).set_points
-                self._corrections = self.q - self._rows_like(unlimited)
+            is_corrected = np.abs(self.q - self._rows_like(computed)).max() > SAME_ROW
+        else:
+            # A slower motion needs no bounds of the joints' own accelerations.
+            cost = set_points.limit_cost
+            is_corrected = cost is not None and cost.bounded is not None
+        if is_corrected:
+            # At full speed, the corrected set-points are those of the plan, within their limits.
+            unlimited = self._window_of(plan, 0).set_points
+            self._corrections = self.q - self._rows_like(unlimited)
         self._memory = COMPENSATED_TIME
         if options.is_local:
             slowest = servo.for_joints(plan.dof)

@@ -256,16 +256,19 @@ class LimitCost(Frozen):
 
     Args:
         deviation: Largest change of the set-points of each joint [rad], (dof,).
-        contour_rms: RMS contour error that the changes cause according to the servo model, whose
-            joints saturate at the plan's accelerations, if the set-points without limits cause none
-            [m]; None if the plan has no arm or no path.
+        contour_rms: RMS contour error that the changes cause according to the servo model, if the
+            set-points without limits cause none [m]. Joints saturate at the plan's accelerations,
+            except for methods with `for_bodies`. None if the plan has no arm or no path.
         contour_max: Largest such contour error [m], or None.
+        bounded: Mask of the joints whose own acceleration is bounded, too, because saturation would
+            cost more, (dof,); None for none.
         arm: The arm, for units; None if unknown.
     """
 
     deviation: FloatArray
     contour_rms: float | None = None
     contour_max: float | None = None
+    bounded: BoolArray | None = None
     arm: Arm | None = None
 
     def __str__(self) -> str:

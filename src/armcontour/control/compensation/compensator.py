@@ -135,7 +135,7 @@ def unchecked_set_points(
         return set_points
     from armcontour.control.compensation.nearest_set_points import limit_set_points
 
-    return limit_set_points(set_points, model, arm)
+    return limit_set_points(set_points, model, arm, for_bodies=options.for_bodies)
 
 
 def set_point_count(

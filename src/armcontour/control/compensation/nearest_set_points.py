@@ -43,7 +43,13 @@ class _Motion(NamedTuple):
     saturates: BoolArray  # (dof,)
 
 
-def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None = None) -> SetPoints:
+def limit_set_points(
+    set_points: SetPoints,
+    servo: ServoModel,
+    arm: Arm | None = None,
+    *,
+    for_bodies: bool = False,
+) -> SetPoints:
     """Replace set-points by the nearest ones within their rule.
 
     If the plan exceeds an assumed limit where the controller reads lines between its set-points,
@@ -52,6 +58,8 @@ def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None =
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
+    - `for_bodies`: whether the joints follow the plan only with the masses of the arm. Then they
+      saturate at torques, which this simulation ignores.
 
     Raises:
         CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
@@ -63,9 +71,9 @@ def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None =
     at_set_points[ACCELERATION] = intersection(stated[ACCELERATION], rule.bounds[ACCELERATION])
     for bounds in (rule.at_cycle(set_points.cycle), at_set_points):
         with suppress(CompensationError):
-            return _limit(set_points, bounds, servo, arm)
+            return _limit(set_points, bounds, servo, arm, for_bodies=for_bodies)
     try:
-        return _limit(set_points, stated, servo, arm)
+        return _limit(set_points, stated, servo, arm, for_bodies=for_bodies)
     except CompensationError:
         if rule.is_stated:
             raise
@@ -73,7 +81,12 @@ def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None =
 
 
 def _limit(
-    set_points: SetPoints, bounds: FloatArray, servo: ServoModel, arm: Arm | None
+    set_points: SetPoints,
+    bounds: FloatArray,
+    servo: ServoModel,
+    arm: Arm | None,
+    *,
+    for_bodies: bool,
 ) -> SetPoints:
     """Replace set-points by the nearest ones within bounds; see `limit_set_points`."""
     dof = set_points.q.shape[1]
@@ -103,8 +116,12 @@ def _limit(
             joint=joint,
         )
     limited = replace(longer, q=nearest)
-    limited, joint_errors = _keep_accelerations(longer, limited, bounds, servo)
-    return replace(limited, limit_cost=_estimate_errors(limited, limited.q - q, joint_errors, arm))
+    saturation = UNLIMITED
+    if not for_bodies:
+        saturation = np.stack(servo.saturate(*longer.rule.plan[ACCELERATION]))
+    limited, joint_errors, bounded = _keep_accelerations(longer, limited, bounds, servo, saturation)
+    cost = _estimate_errors(limited, limited.q - q, joint_errors, arm)
+    return replace(limited, limit_cost=replace(cost, bounded=bounded))
 
 
 def _nearest_between_waits(
@@ -141,8 +158,12 @@ def _nearest_between_waits(
 
 
 def _keep_accelerations(
-    free: SetPoints, limited: SetPoints, bounds: FloatArray, servo: ServoModel
-) -> tuple[SetPoints, FloatArray]:
+    free: SetPoints,
+    limited: SetPoints,
+    bounds: FloatArray,
+    servo: ServoModel,
+    saturation: FloatArray,
+) -> tuple[SetPoints, FloatArray, BoolArray | None]:
     """Replace set-points with which joints saturate by those that also bound the joints.
 
     Limited set-points begin a change earlier and end it later, so that the joint deviates from the
@@ -150,24 +171,25 @@ def _keep_accelerations(
     winds up. Where this increases the error, set-points whose joint stays within the plan's
     acceleration are tried. Each joint gets the set-points with the smaller error.
 
-    Returns the set-points, and the difference of their motion from that of the free ones without
-    saturation [rad], (n, dof), as simulated with the servo model.
+    Returns the set-points, the difference of their motion from that of the free ones without
+    saturation [rad], (n, dof), as simulated with the servo model, and `LimitCost.bounded`.
 
     - `free`: set-points without limits, with which the joints follow the plan.
     - `limited`: the nearest set-points within bounds.
     - `bounds`: bounds of the set-points and their derivatives, (4, 2, dof).
+    - `saturation`: lower and upper bound of each joint's acceleration [rad/s²], (2, dof).
     """
-    lower, upper = servo.saturate(*free.rule.plan[ACCELERATION])
+    lower, upper = np.broadcast_to(saturation, (2, free.q.shape[1]))
     planned = _simulate(free, servo).positions
     executed = _simulate(limited, servo, lower, upper)
     errors = executed.positions - planned
     if not executed.saturates.any() or not _has_filter(servo):
-        return limited, errors
+        return limited, errors, None
     unsaturated = _simulate(limited, servo).positions - planned
     largest = np.abs(errors).max(axis=0)
     joints = np.flatnonzero(largest > HARMFUL_FACTOR * np.abs(unsaturated).max(axis=0)).tolist()
     if not joints:
-        return limited, errors
+        return limited, errors, None
     bounds_of_joints = zip(joints, lower[joints], upper[joints], strict=True)
     responses = [_joint_response(servo, limited.cycle, *x) for x in bounds_of_joints]
     q = limited.q.copy()
@@ -177,7 +199,7 @@ def _keep_accelerations(
     other_errors = _simulate(other, servo, lower, upper).positions - planned
     better = np.abs(other_errors).max(axis=0) < largest
     chosen = replace(limited, q=np.where(better, q, limited.q))
-    return chosen, np.where(better, other_errors, errors)
+    return chosen, np.where(better, other_errors, errors), better if better.any() else None
 
 
 def _simulate(
