@@ -237,8 +237,8 @@ def _joint_response(
     assert servo.kv is not None
     kv = servo.kv[joint]
     stiffness = servo.kp[joint] * kv
-    feedforward = np.trim_zeros([servo.velocity_feedforward[joint] * kv, stiffness], "f")
-    system = feedforward, [1.0, kv, stiffness]
+    lead = servo.velocity_feedforward[joint] * kv
+    system = [lead, stiffness] if lead else [stiffness], [1.0, kv, stiffness]
     numerator, denominator, _ = cont2discrete(system, cycle, method="foh")
     return JointResponse(numerator.ravel(), denominator, lower * cycle**2, upper * cycle**2)
 
