@@ -8,13 +8,13 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, Frozen, IntArray
-from armcontour.core.errors import CompensationError, InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, declared
 from armcontour.core.pictures import Pictured
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import capitalise, short_repr
+from armcontour.core.text import short_repr
 from armcontour.motion.cycle import check_cycle
 from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule, SetPointUse, make_rule
 from armcontour.motion.trajectory import Trajectory
@@ -366,26 +366,6 @@ class SetPoints(Checked):
         if abs(first_index - round(first_index)) < WHOLE_CYCLES:
             return np.asarray((indices + round(first_index)) * step)
         return self.start_time + indices * step
-
-
-def check_set_points(set_points: SetPoints) -> None:
-    """Raise CompensationError for set-points beyond a limit that is not only assumed.
-
-    Raises:
-        CompensationError: A set-point, or a difference of set-points, is beyond a limit of the
-            plan, the user or a controller.
-    """
-    excess = set_points.use.stated_excess
-    if excess is None:
-        return
-    raise CompensationError(
-        capitalise(describe_excess(excess, set_points)),
-        t=float(set_points.t[0]) + excess.t,
-        joint=excess.joint,
-        limit=excess.limit,
-        needed=excess.needed,
-        allowed=excess.allowed,
-    )
 
 
 def describe_excess(excess: SetPointExcess, set_points: SetPoints) -> str:
