@@ -280,6 +280,7 @@ def test_keys_and_buttons_go_to_contours_stops_and_the_slowest_place(studio):
     studio.find("#playback .play").press("Home")
     studio.wait("#playback", time="0")
     # The arrow keys belong to the curve that has the focus; + and - zoom it.
+    studio.rest()
     whole = part_of(studio)
     slider = studio.find(".scrub")
     slider.press("Shift+ArrowRight")

@@ -273,7 +273,11 @@ def test_transitions_within_the_tolerance_avoid_stops():
 @needs_dynamics
 def test_set_points_of_a_drawing_stay_within_the_joint_velocities():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
-    one = {("path", "names"): ["CUT-6"], ("runs", "as-planned", "cycle"): "2 ms"}
+    one = {
+        ("path", "names"): ["CUT-6"],
+        ("cycle",): "4 ms",
+        ("runs", "as-planned", "cycle"): "2 ms",
+    }
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", patch=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert as_planned.full_stops == {} and as_planned.warnings == ()

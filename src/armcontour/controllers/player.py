@@ -543,7 +543,9 @@ def prepare_motion(
         computed=None if set_points is None else planned.set_points,
         for_play=True,
     )
-    checked = [Row("servo", job.servo.describe_with_source(job.arm.chain.prismatic), "", "compensated for")]
+    checked = [
+        Row("servo", job.servo.describe_with_source(job.arm.chain.prismatic), "", "compensated for")
+    ]
     checked += controller.check(job.arm, planned.run.limits, rows.q)
     checked += _check_set_points(planned, points, rows.q, controller)
     t = points.times(len(rows.q), controller.cycle)

@@ -155,9 +155,12 @@ class Exporting:
         controller = facts_of_format(self.format.label)
         if controller is not None:
             rule = rule.of_controller(controller)
+        excesses = rule.judge(table.q, table.cycle).excesses
+        if not excesses:
+            return []
         known = {x.limit for x in table.rule.judge(table.q, table.cycle).excesses}
         sentences = []
-        for excess in rule.judge(table.q, table.cycle).excesses:
+        for excess in excesses:
             joint = excess.joint
             unit = joint_units(LIMITS[excess.limit].unit, table.prismatic)[joint]
             found = f"the {excess.describe(table.joint_names[joint], unit)}"

@@ -171,8 +171,7 @@ def export(request: Request) -> MessageFrame:
         # The simulation is of other set-points.
         plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
-        # Tolerances of a goal are predicted from the simulation.
-        plan = request.result if job.export.tolerances else request.set_points
+        plan = _exported_run(request, kind)
     request.progress(Step(("writing",)))
     data = plan.trajectory if source == PLANNED else plan.set_points
     prepared = Exporting(format).of_run(
@@ -196,6 +195,21 @@ def export(request: Request) -> MessageFrame:
         ),
     }
     return MessageFrame.of_file(file.name, content, header)
+
+
+def _exported_run(request: Request, kind: str) -> RunResult:
+    """Return the run with set-points within the limits of the controller of a format."""
+    from armcontour.jobs import run
+
+    job = request.job
+    formats = dict.fromkeys((*job.export.formats, kind))
+    job = replace(job, export=replace(job.export, formats=tuple(formats)))
+    # Tolerances of a goal are predicted from the simulation.
+    simulate = job.export.tolerances is not None
+    (result,) = run(job, simulate=simulate, progress=request.progress).runs.values()
+    if result.failure is not None:
+        raise result.failure
+    return result
 
 
 def _name_output(job: Job, event: str, kind: str, output: int | str) -> dict[str, Any]:

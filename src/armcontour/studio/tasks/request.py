@@ -81,14 +81,6 @@ class Request:
         return parse_job(self.text, source=self.source, folder=FilePath(self.folder))
 
     @cached_property
-    def set_points(self) -> RunResult:
-        """Plan and set-points of the run, without simulation."""
-        from armcontour.jobs import run
-
-        (plan,) = run(self.job, simulate=False, progress=self.progress).runs.values()
-        return plan
-
-    @cached_property
     def unchecked(self) -> RunResult:
         """Explained plan of the run without a check of collisions; not for a resumed job."""
         from armcontour.core.errors import error_context
