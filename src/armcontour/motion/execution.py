@@ -256,9 +256,9 @@ class LimitCost(Frozen):
 
     Args:
         deviation: Largest change of the set-points of each joint [rad], (dof,).
-        contour_rms: RMS contour error that the changes cause according to the servo model, whose
-            joints saturate at the plan's accelerations, if the set-points without limits cause none
-            [m]; None if the plan has no arm or no path.
+        contour_rms: RMS contour error that the changes cause according to the servo model, if the
+            set-points without limits cause none and no joint saturates [m]; None if the plan has no
+            arm or no path.
         contour_max: Largest such contour error [m], or None.
         arm: The arm, for units; None if unknown.
     """
@@ -276,7 +276,7 @@ class LimitCost(Frozen):
         largest = self.contour_max
         if largest is None:
             return text
-        return f"{text}, contour error {number(largest, 'm')}"
+        return f"{text}, contour error {number(largest, 'm')} if no joint saturates"
 
 
 @declared(eq=False)

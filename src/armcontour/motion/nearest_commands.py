@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import differences
 from armcontour.motion.trajectory import COMMAND_SLACK
@@ -29,8 +29,6 @@ BOUND_VIOLATION = 1e-10
 OPTIMAL_GAP = 1e-9
 # Tolerance of the same gap, relative to the same sum, if rounding errors end the search.
 ROUNDED_GAP = 1e-5
-# The same with bounds of the joint's response, with which rounding errors are larger.
-ROUNDED_RESPONSE_GAP = 1e-2
 # Initial product of slack and multiplier if a bound is exceeded by at least half the distance
 # between the bounds.
 FIRST_PRODUCT = 1.0
@@ -59,20 +57,6 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
 def command_bounds(limits: Limits, dof: int) -> FloatArray:
     """Return lower and upper bounds of set-points and of their derivatives 1 to 3, (4, 2, dof)."""
     return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
-
-
-class JointResponse(NamedTuple):
-    """Response of a joint to its set-points, and bounds of its acceleration.
-
-    The joint responds to set-points u with positions `y = B(d) / C(d) u`, where d is the delay of
-    one cycle. So if the set-points change by `C x`, the joint's positions change by `B x`. The
-    bounds are those of the second differences of y.
-    """
-
-    numerator: FloatArray  # Coefficients of B
-    denominator: FloatArray  # Coefficients of C, the first one is 1
-    lower: float  # Lower bound of the second differences [rad]
-    upper: float  # Upper bound of the second differences [rad]
 
 
 class Excess(NamedTuple):
@@ -148,7 +132,6 @@ def nearest_commands(
     otherwise: FloatArray | None = None,
     *,
     fixed: int = 1,
-    responses: Sequence[JointResponse] | None = None,
 ) -> tuple[FloatArray, int | None]:
     """Return set-points within bounds, with the smallest mean squared difference from `q`.
 
@@ -163,7 +146,6 @@ def nearest_commands(
     - `bounds`: as from `command_bounds`.
     - `otherwise`: set-points for joints whose bounds cannot be satisfied.
     - `fixed`: number of set-points at the start that do not change, and that are within the bounds.
-    - `responses`: bounds of the responses of all joints, only if `fixed` is 1.
     """
     commands = q.copy()
     for j in range(q.shape[1]):
@@ -171,8 +153,7 @@ def nearest_commands(
         if find_excess(q[:, j : j + 1], cycle, joint_bounds[:, :, None]) is None:
             continue
         narrower = _bounds_before_rounding(joint_bounds, cycle).tolist()
-        response = None if responses is None else responses[j]
-        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower], fixed, response)
+        nearest = nearest_values(q[:, j], [(low, high) for low, high in narrower], fixed)
         if nearest is None:
             if otherwise is None:
                 return commands, j
@@ -184,10 +165,7 @@ def nearest_commands(
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_values(
-    values: FloatArray,
-    bounds: Sequence[tuple[float, float]],
-    fixed: int = 1,
-    response: JointResponse | None = None,
+    values: FloatArray, bounds: Sequence[tuple[float, float]], fixed: int = 1
 ) -> FloatArray | None:
     """Return the least-squares nearest values within bounds on values and differences.
 
@@ -197,24 +175,18 @@ def nearest_values(
 
     - `values`: set-points of one joint, (n,).
     - `bounds`: lower and upper bounds of the values, then of their differences of orders 1, 2, ...
-    - `response`: bounds of the joint's response; the joint rests before the first value.
     """
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
-    change_filter = np.ones(1) if response is None else response.denominator
-    size = len(values) - fixed - len(change_filter)
-    if not orders or size < 1:
+    if not orders or len(values) < fixed + 2:
         return values
-    rows = [_bound_difference(values, k, bounds[k], fixed, change_filter) for k in orders]
-    if response is not None:
-        rows.append(_bound_response(values, response))
-    problem = _Problem(size, change_filter, rows)
-    if problem.excess <= 0:
+    scaled = _scale_bounds(values, bounds, orders, fixed)
+    if scaled.excess <= 0:
         return values
-    unknown = _smallest_change(problem)
-    if unknown is None:
+    change = _smallest_change(scaled)
+    if change is None:
         return None
     nearest = values.copy()
-    nearest[fixed:-1] += np.convolve(unknown, change_filter)
+    nearest[fixed:-1] += change
     return nearest
 
 
@@ -231,136 +203,87 @@ def _bounds_before_rounding(bounds: FloatArray, cycle: float) -> FloatArray:
     return difference_bounds + np.where(np.isfinite(bounds), margin, 0.0) * (1.0, -1.0)
 
 
-class _Rows(NamedTuple):
-    """Bounds `F x <= room[0]` and `-F x <= room[1]` on the unknown x.
+class _ScaledBounds(NamedTuple):
+    """Bounds `D x <= room[0]` and `-D x <= room[1]` on changes x of the inner values.
 
-    F filters x, takes differences of an order, and scales them so that both bounds are 2 apart.
+    The rows of D are the differences of all bounded orders, each order scaled so that its two
+    bounds are 2 apart. All values except the inner ones keep their value, so x is zero there.
     """
 
-    order: int
-    taps: FloatArray  # Coefficients of the filter
-    scale: float
+    size: int  # Number n of inner values
+    orders: list[int]  # Bounded orders of differences
+    scales: list[float]  # Factor of the differences of each order
+    cuts: IntArray  # First rows of all orders but the first
     room: FloatArray  # Distances from the upper and the lower bounds at x = 0, (2, rows)
-
-    @property
-    def weights(self) -> FloatArray:
-        """Weights of x in a row, from the newest value on."""
-        order = self.order
-        signs = [(-1) ** j * comb(order, j) * self.scale for j in range(order + 1)]
-        return np.convolve(signs, self.taps)
-
-    def apply(self, x: FloatArray) -> FloatArray:
-        """Return `F x`, (rows,)."""
-        filtered = np.convolve(x, self.taps)
-        return np.asarray(self.scale * np.diff(np.pad(filtered, self.order), self.order))
-
-    def apply_transposed(self, y: FloatArray) -> FloatArray:
-        """Return `F' y`, (n,)."""
-        summed = self.scale * (-1) ** self.order * np.diff(y, self.order)
-        return np.correlate(summed, self.taps, "valid")
-
-
-class _Problem(NamedTuple):
-    """Smallest `|C x|` within bounds `D x <= room[0]` and `-D x <= room[1]`.
-
-    The inner values change by `C x`, all other values stay. The rows of D are those of all bounded
-    orders of differences, and of the joint's response.
-    """
-
-    size: int  # Number n of unknowns
-    change_filter: FloatArray  # Coefficients of C; 1 for unknowns that are the changes
-    rows: list[_Rows]
-
-    @property
-    def rounded_gap(self) -> float:
-        """Tolerance of the duality gap, relative to `|C x|²`, if rounding errors end the search."""
-        return ROUNDED_GAP if len(self.change_filter) == 1 else ROUNDED_RESPONSE_GAP
-
-    @property
-    def room(self) -> FloatArray:
-        """Distances from the upper and the lower bounds at x = 0, (2, rows)."""
-        return np.concatenate([x.room for x in self.rows], axis=1)
 
     @property
     def excess(self) -> float:
         """Largest violation of a bound by the unchanged values."""
-        return -min(float(x.room.min()) for x in self.rows)
+        return -float(self.room.min())
 
-    def split(self, values: FloatArray) -> list[FloatArray]:
-        """Divide one value per row of D into those of `rows`."""
-        return np.split(values, np.cumsum([x.room.shape[1] for x in self.rows])[:-1])
+    def differences(self, x: FloatArray) -> FloatArray:
+        """Return the scaled differences `D x`, (rows,)."""
+        parts = zip(self.orders, self.scales, strict=True)
+        return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
 
-    def apply(self, x: FloatArray) -> FloatArray:
-        """Return `D x`, (rows,)."""
-        return np.concatenate([rows.apply(x) for rows in self.rows])
-
-    def apply_transposed(self, y: FloatArray) -> FloatArray:
-        """Return `D' (y[0] - y[1])`, the transposed operator for both bounds, (n,)."""
-        parts = zip(self.rows, self.split(y[0] - y[1]), strict=True)
-        return np.asarray(sum(rows.apply_transposed(part) for rows, part in parts))
+    def differences_transposed(self, x: FloatArray) -> FloatArray:
+        """Return `D' (x[0] - x[1])`, the transposed operator for both bounds, (n,)."""
+        parts = zip(self.orders, self.scales, np.split(x[0] - x[1], self.cuts), strict=True)
+        return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
 
 
-def _bound_difference(
-    values: FloatArray,
-    order: int,
-    bounds: tuple[float, float],
-    fixed: int,
-    change_filter: FloatArray,
-) -> _Rows:
-    """Bound the differences of one order; a missing bound becomes a very distant one.
+def _scale_bounds(
+    values: FloatArray, bounds: Sequence[tuple[float, float]], orders: list[int], fixed: int
+) -> _ScaledBounds:
+    """Make the scaled bounds of the given orders; missing bounds become very distant ones.
 
     - `fixed`: number of values at the start that do not change.
     """
-    # Differences that contain an inner value
-    compared = differences(values, order)[fixed - 1 :] if order else values[fixed:-1]
-    largest = float(np.abs(compared).max())
-    distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds if isfinite(x)))
-    low = max(bounds[0], -distant)
-    high = min(bounds[1], distant)
-    scale = 2 / (high - low)
-    return _Rows(order, change_filter, scale, scale * np.stack([high - compared, compared - low]))
+    rooms = []
+    scales = []
+    for k in orders:
+        # Differences that contain an inner value
+        values_of_order = differences(values, k)[fixed - 1 :] if k else values[fixed:-1]
+        largest = float(np.abs(values_of_order).max())
+        distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds[k] if isfinite(x)))
+        low = max(bounds[k][0], -distant)
+        high = min(bounds[k][1], distant)
+        scales.append(2 / (high - low))
+        rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
+    cuts = np.cumsum([x.shape[1] for x in rooms])[:-1]
+    size = len(values) - fixed - 1
+    return _ScaledBounds(size, orders, scales, cuts, np.concatenate(rooms, axis=1))
 
 
-def _bound_response(values: FloatArray, response: JointResponse) -> _Rows:
-    """Bound the second differences of a joint's response to inner values."""
-    from scipy.signal import lfilter
+def _smallest_change(scaled: _ScaledBounds) -> FloatArray | None:
+    """Return the smallest change x within the bounds, (n,); None if none exists.
 
-    taps, denominator, low, high = response
-    compared = differences(lfilter(taps, denominator, values - values[0]), 2)
-    scale = 2 / (high - low)
-    return _Rows(2, taps, scale, scale * np.stack([high - compared, compared - low]))
+    At the minimum of `|x|² / 2`, slacks s and multipliers y, both nonnegative, satisfy
 
-
-def _smallest_change(problem: _Problem) -> FloatArray | None:
-    """Return the unknown x of the smallest change within the bounds, (n,); None if none exists.
-
-    At the minimum of `|C x|² / 2`, slacks s and multipliers y, both nonnegative, satisfy
-
-        ±D x + s = room,  C' C x + D' (y[0] - y[1]) = 0,  s y = 0.
+        ±D x + s = room,  x + D' (y[0] - y[1]) = 0,  s y = 0.
 
     Mehrotra's primal-dual interior-point method (SIAM J. Optim. 2, 575-601, 1992) solves these
     conditions. Their matrix is banded, so the time is proportional to the number of values.
     """
-    room = problem.room
-    iterate = _first_iterate(problem, room)
+    iterate = _first_iterate(scaled)
     for _ in range(MAX_SEARCH_ITERATIONS):
-        conditions = _conditions_at(problem, room, iterate)
+        conditions = _conditions_at(scaled, iterate)
         if conditions.are_satisfied(OPTIMAL_GAP):
-            return iterate.unknown
+            return iterate.change
         if not isfinite(conditions.gap + conditions.size):
             return None
-        factor = _factorize(problem, iterate)
+        factor = _factorize(scaled, iterate)
         if factor is None:
             # Rounding errors end the search.
-            return iterate.unknown if conditions.are_satisfied(problem.rounded_gap) else None
-        _take_step(problem, iterate, conditions, factor)
+            return iterate.change if conditions.are_satisfied(ROUNDED_GAP) else None
+        _take_step(scaled, iterate, conditions, factor)
     return None
 
 
 class _Iterate(NamedTuple):
     """Arrays of an iterate, changed in place; the rows of slacks and multipliers as in `room`."""
 
-    unknown: FloatArray  # x, (n,)
+    change: FloatArray  # x, (n,)
     slacks: FloatArray  # s, (2, rows)
     multipliers: FloatArray  # y, (2, rows)
 
@@ -369,53 +292,51 @@ class _Conditions(NamedTuple):
     """Residuals of the conditions at an iterate."""
 
     outside: FloatArray  # ±D x + s - room, (2, rows)
-    gradient: FloatArray  # C' C x + D' (y[0] - y[1]), (n,)
+    gradient: FloatArray  # x + D' (y[0] - y[1]), (n,)
     products: FloatArray  # s y, (2, rows)
     gap: float  # Sum of s y, which is the duality gap once the other conditions are satisfied
-    size: float  # |C x|²
+    size: float  # |x|²
 
     def are_satisfied(self, share: float) -> bool:
-        """Return whether x is within the bounds and the gap below a share of `|C x|²`."""
+        """Return whether x is within the bounds and the gap below a share of `|x|²`."""
         return float(np.abs(self.outside).max()) < BOUND_VIOLATION and self.gap < share * self.size
 
 
 class _Step(NamedTuple):
     """Newton's step: changes of x, s and y."""
 
-    unknown: FloatArray
+    change: FloatArray
     slacks: FloatArray
     multipliers: FloatArray
 
 
-def _first_iterate(problem: _Problem, room: FloatArray) -> _Iterate:
+def _first_iterate(scaled: _ScaledBounds) -> _Iterate:
     """Return the iterate x = 0, with positive slacks and multipliers of equal products."""
-    excess = problem.excess
-    slacks = np.maximum(room, max(excess, 1.0))
+    excess = scaled.excess
+    slacks = np.maximum(scaled.room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
-    return _Iterate(np.zeros(problem.size), slacks, multipliers)
+    return _Iterate(np.zeros(scaled.size), slacks, multipliers)
 
 
-def _conditions_at(problem: _Problem, room: FloatArray, iterate: _Iterate) -> _Conditions:
+def _conditions_at(scaled: _ScaledBounds, iterate: _Iterate) -> _Conditions:
     """Return the residuals of the conditions of `_smallest_change` at an iterate."""
-    unknown, slacks, multipliers = iterate
-    change = np.convolve(unknown, problem.change_filter)
+    change, slacks, multipliers = iterate
     products = slacks * multipliers
     return _Conditions(
-        outside=BOUND_SIGNS * problem.apply(unknown) + slacks - room,
-        gradient=np.correlate(change, problem.change_filter, "valid")
-        + problem.apply_transposed(multipliers),
+        outside=BOUND_SIGNS * scaled.differences(change) + slacks - scaled.room,
+        gradient=change + scaled.differences_transposed(multipliers),
         products=products,
         gap=float(products.sum()),
         size=float(change @ change),
     )
 
 
-def _factorize(problem: _Problem, iterate: _Iterate) -> FloatArray | None:
-    """Return the Cholesky factor of `C' C + D' W D`, `W = y / s`; None if rounding prevents it."""
+def _factorize(scaled: _ScaledBounds, iterate: _Iterate) -> FloatArray | None:
+    """Return the Cholesky factor of `I + D' W D` with `W = y / s`; None if rounding prevents it."""
     from scipy.linalg import LinAlgError, cholesky_banded
 
     weights = (iterate.multipliers / iterate.slacks).sum(axis=0)
-    matrix = _matrix_bands(problem, weights)
+    matrix = _matrix_bands(scaled, np.split(weights, scaled.cuts))
     try:
         return np.asarray(cholesky_banded(matrix, lower=True, check_finite=False))
     except LinAlgError:
@@ -423,14 +344,14 @@ def _factorize(problem: _Problem, iterate: _Iterate) -> FloatArray | None:
 
 
 def _take_step(
-    problem: _Problem, iterate: _Iterate, conditions: _Conditions, factor: FloatArray
+    scaled: _ScaledBounds, iterate: _Iterate, conditions: _Conditions, factor: FloatArray
 ) -> None:
     """Move an iterate by Mehrotra's step: Newton's step, corrected by what it would change."""
-    unknown, slacks, multipliers = iterate
+    change, slacks, multipliers = iterate
     products = conditions.products
     gap = conditions.gap
     # Predictor: the step to products of zero, and the gap that remains after it
-    predicted = _newton_step(problem, iterate, conditions, factor, -products)
+    predicted = _newton_step(scaled, iterate, conditions, factor, -products)
     primal_fraction = _step_fraction(slacks, predicted.slacks)
     dual_fraction = _step_fraction(multipliers, predicted.multipliers)
     predicted_slacks = slacks + primal_fraction * predicted.slacks
@@ -440,16 +361,16 @@ def _take_step(
     mean_product = (predicted_gap / gap) ** 3 * gap / slacks.size
     second_order = predicted.slacks * predicted.multipliers
     target = mean_product - products - second_order
-    step = _newton_step(problem, iterate, conditions, factor, target)
+    step = _newton_step(scaled, iterate, conditions, factor, target)
     primal_fraction = STEP_SHARE * _step_fraction(slacks, step.slacks)
     dual_fraction = STEP_SHARE * _step_fraction(multipliers, step.multipliers)
-    unknown += primal_fraction * step.unknown
+    change += primal_fraction * step.change
     slacks += primal_fraction * step.slacks
     multipliers += dual_fraction * step.multipliers
 
 
 def _newton_step(
-    problem: _Problem,
+    scaled: _ScaledBounds,
     iterate: _Iterate,
     conditions: _Conditions,
     factor: FloatArray,
@@ -458,7 +379,7 @@ def _newton_step(
     """Return Newton's step that removes the residuals and changes the products s y.
 
     With `v = (target + y outside) / s`, its change of x solves
-    `(C' C + D' W D) dx = -gradient - D' (v[0] - v[1])`.
+    `(I + D' W D) dx = -gradient - D' (v[0] - v[1])`.
 
     - `factor`: Cholesky factor of the matrix, as from `_factorize`.
     - `target`: required changes of the products, (2, rows).
@@ -467,30 +388,29 @@ def _newton_step(
 
     _, slacks, multipliers = iterate
     v = (target + multipliers * conditions.outside) / slacks
-    right_side = -conditions.gradient - problem.apply_transposed(v)
+    right_side = -conditions.gradient - scaled.differences_transposed(v)
     change = cho_solve_banded((factor, True), right_side, check_finite=False)
-    slack_change = -conditions.outside - BOUND_SIGNS * problem.apply(change)
+    slack_change = -conditions.outside - BOUND_SIGNS * scaled.differences(change)
     return _Step(change, slack_change, (target - multipliers * slack_change) / slacks)
 
 
-def _matrix_bands(problem: _Problem, weights: FloatArray) -> FloatArray:
-    """Return the diagonal and the lower bands of the matrix `C' C + D' W D`, (bands, n).
+def _matrix_bands(scaled: _ScaledBounds, weights: Sequence[FloatArray]) -> FloatArray:
+    """Return the diagonal and the lower bands of the matrix `I + D' W D`, (bands, n).
 
-    - `weights`: diagonal of W, the weights of the rows of D.
+    The rows of D are the scaled differences of all bounded orders, see `_ScaledBounds`. W is the
+    diagonal matrix of their weights.
+
+    - `weights`: weights of the rows of D, one array per bounded order.
     """
-    count = problem.size
-    parts = [
-        (x.weights, part) for x, part in zip(problem.rows, problem.split(weights), strict=True)
-    ]
-    square = problem.change_filter
-    bands = np.zeros((max(len(taps) for taps, _ in parts), count))
-    for band in range(min(len(square), count)):
-        bands[band] = square[band:] @ square[: len(square) - band]
-    for taps, weight in parts:
-        for band in range(min(len(taps), count)):
-            for j in range(band, len(taps)):
+    count = scaled.size
+    bands = np.zeros((max(scaled.orders) + 1, count))
+    bands[0] = 1.0
+    for k, scale, weight in zip(scaled.orders, scaled.scales, weights, strict=True):
+        signs = [(-1) ** j * comb(k, j) * scale for j in range(k + 1)]
+        for band in range(min(k + 1, count)):
+            for j in range(band, k + 1):
                 shifted = weight[j : j + count - band]
-                bands[band, : count - band] += taps[j] * taps[j - band] * shifted
+                bands[band, : count - band] += signs[j] * signs[j - band] * shifted
     return bands
 
 

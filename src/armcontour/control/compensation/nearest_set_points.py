@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.control.compensation.set_point_times import LONGEST_TAIL
-from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
 from armcontour.motion import LimitCost, SetPoints
-from armcontour.motion.nearest_commands import JointResponse, find_excess, nearest_commands
+from armcontour.motion.nearest_commands import find_excess, nearest_commands
 from armcontour.motion.set_point_rule import ACCELERATION, USER, intersection
 from armcontour.robot import Arm
 from armcontour.robot.arm import unit_of
@@ -31,16 +29,7 @@ RAMPS = 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this fraction. A plan with a larger excess is rejected.
 SMOOTHED_SHARE = 0.01
-# Saturation is harmful if it multiplies a joint's largest error by more than this.
-HARMFUL_FACTOR = 1.5
 UNLIMITED = np.array([[-np.inf], [np.inf]])
-
-
-class _Motion(NamedTuple):
-    """Simulated motion of all joints."""
-
-    positions: FloatArray  # [rad], (n, dof)
-    saturates: BoolArray  # (dof,)
 
 
 def limit_set_points(set_points: SetPoints, servo: ServoModel, arm: Arm | None = None) -> SetPoints:
@@ -88,8 +77,7 @@ def _limit(
         extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
         start = set_points.start_time - extra * cycle
-        longer = replace(set_points, q=q, start_time=start)
-        nearest, joint = _nearest_between_waits(longer, bounds)
+        nearest, joint = _nearest_between_waits(q, start, set_points, bounds)
         if joint is None:
             break
     else:
@@ -102,123 +90,34 @@ def _limit(
             "a slower motion.",
             joint=joint,
         )
-    limited = replace(longer, q=nearest)
-    limited, joint_errors = _keep_accelerations(longer, limited, bounds, servo)
-    return replace(limited, limit_cost=_estimate_errors(limited, limited.q - q, joint_errors, arm))
+    longer = replace(set_points, q=nearest, start_time=start)
+    return replace(longer, limit_cost=_estimate_errors(longer, nearest - q, servo, arm))
 
 
 def _nearest_between_waits(
-    set_points: SetPoints,
-    bounds: FloatArray,
-    otherwise: FloatArray | None = None,
-    responses: Sequence[JointResponse] | None = None,
+    q: FloatArray, start: float, set_points: SetPoints, bounds: FloatArray
 ) -> tuple[FloatArray, int | None]:
     """Return the nearest set-points, which rest at waits for inputs as before; see `_limit`.
 
     Between two waits, they are found as those of a motion from rest to rest.
 
-    - `set_points`: extended set-points.
-    - `otherwise`, `responses`: as in `nearest_commands`.
+    - `q`: extended set-points [rad], (n, dof).
+    - `start`: time of the first of them [s].
     """
-    q = set_points.q
     cycle = set_points.cycle
-    waits = {round((x.t - set_points.start_time) / cycle) for x in set_points.trajectory.waits}
+    waits = {round((x.t - start) / cycle) for x in set_points.trajectory.waits}
     ends = [0, *sorted(x for x in waits if 0 < x < len(q) - 1), len(q) - 1]
     nearest = q.copy()
     for first, last in pairwise(ends):
-        piece = slice(first, last + 1)
-        other = None if otherwise is None else otherwise[piece]
-        nearest[piece], joint = nearest_commands(
-            q[piece], cycle, bounds, other, responses=responses
-        )
+        piece, joint = nearest_commands(q[first : last + 1], cycle, bounds)
         if joint is not None:
             break
+        nearest[first : last + 1] = piece
     else:
         if find_excess(nearest, cycle, bounds) is None:
             return nearest, None
     # Where the rests are too short for this, the set-points move at the waits.
-    return nearest_commands(q, cycle, bounds, otherwise, responses=responses)
-
-
-def _keep_accelerations(
-    free: SetPoints, limited: SetPoints, bounds: FloatArray, servo: ServoModel
-) -> tuple[SetPoints, FloatArray]:
-    """Replace set-points with which joints saturate by those that also bound the joints.
-
-    Limited set-points begin a change earlier and end it later, so that the joint deviates from the
-    plan and can need more than the plan's acceleration. Then it saturates, and its position loop
-    winds up. Where this increases the error, set-points whose joint stays within the plan's
-    acceleration are tried. Each joint gets the set-points with the smaller error.
-
-    Returns the set-points, and the difference of their motion from that of the free ones without
-    saturation [rad], (n, dof), as simulated with the servo model.
-
-    - `free`: set-points without limits, with which the joints follow the plan.
-    - `limited`: the nearest set-points within bounds.
-    - `bounds`: bounds of the set-points and their derivatives, (4, 2, dof).
-    """
-    lower, upper = servo.saturate(*free.rule.plan[ACCELERATION])
-    planned = _simulate(free, servo).positions
-    executed = _simulate(limited, servo, lower, upper)
-    errors = executed.positions - planned
-    if not executed.saturates.any() or not _has_filter(servo):
-        return limited, errors
-    unsaturated = _simulate(limited, servo).positions - planned
-    largest = np.abs(errors).max(axis=0)
-    joints = np.flatnonzero(largest > HARMFUL_FACTOR * np.abs(unsaturated).max(axis=0)).tolist()
-    if not joints:
-        return limited, errors
-    bounds_of_joints = zip(joints, lower[joints], upper[joints], strict=True)
-    responses = [_joint_response(servo, limited.cycle, *x) for x in bounds_of_joints]
-    q = limited.q.copy()
-    part = replace(free, q=free.q[:, joints])
-    q[:, joints], _ = _nearest_between_waits(part, bounds[:, :, joints], q[:, joints], responses)
-    other = replace(limited, q=q)
-    other_errors = _simulate(other, servo, lower, upper).positions - planned
-    better = np.abs(other_errors).max(axis=0) < largest
-    chosen = replace(limited, q=np.where(better, q, limited.q))
-    return chosen, np.where(better, other_errors, errors)
-
-
-def _simulate(
-    set_points: SetPoints,
-    servo: ServoModel,
-    lower: FloatArray | None = None,
-    upper: FloatArray | None = None,
-) -> _Motion:
-    """Simulate joints that rest at the first set-point; see `ServoSimulation`."""
-    q = set_points.q
-    simulation = ServoSimulation(q, set_points.cycle, servo, lower, upper)
-    motions = simulation.run(0, len(q) - 1, q[0], np.zeros_like(q[0]))
-    positions = np.concatenate([q[:1], motions.states[:, :, 0].T])
-    return _Motion(positions, motions.saturated > 0)
-
-
-def _has_filter(servo: ServoModel) -> bool:
-    """Return whether every joint responds to set-points like a `JointResponse`."""
-    has_more = servo.ki.any() or servo.acceleration_feedforward.any()
-    return servo.is_plain("second") and not has_more and servo.interpolation == "linear"
-
-
-def _joint_response(
-    servo: ServoModel, cycle: float, joint: int, lower: float, upper: float
-) -> JointResponse:
-    """Return a joint's response to set-points that are joined by lines.
-
-    Its transfer function is `(f kv s + kp kv) / (s² + kv s + kp kv)`, as in (5), with velocity
-    feed-forward f. A dead time shifts the response.
-
-    - `lower`, `upper`: bounds of the joint's acceleration [rad/s²].
-    """
-    from scipy.signal import cont2discrete
-
-    assert servo.kv is not None
-    kv = servo.kv[joint]
-    stiffness = servo.kp[joint] * kv
-    feedforward = np.trim_zeros([servo.velocity_feedforward[joint] * kv, stiffness], "f")
-    system = feedforward, [1.0, kv, stiffness]
-    numerator, denominator, _ = cont2discrete(system, cycle, method="foh")
-    return JointResponse(numerator.ravel(), denominator, lower * cycle**2, upper * cycle**2)
+    return nearest_commands(q, cycle, bounds)
 
 
 def extension_of(servo: ServoModel, bounds: FloatArray) -> float:
@@ -270,13 +169,15 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
 
 
 def _estimate_errors(
-    set_points: SetPoints, change: FloatArray, joint_errors: FloatArray, arm: Arm | None
+    set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
     """Estimate the errors due to a change of the set-points.
 
+    A servo without friction and saturation is linear. So its response to the change, simulated
+    from rest, is the deviation of the joints from the plan.
+
     - `set_points`: the changed set-points.
     - `change`: changed less original set-points [rad], (n, dof).
-    - `joint_errors`: the joints' deviations due to the change [rad], (n, dof).
     - `arm`: arm for the contour errors; by default the arm of the plan.
     """
     deviation = np.abs(change).max(axis=0)
@@ -286,6 +187,11 @@ def _estimate_errors(
     paths = plan.paths_at(times)
     if arm is None or not paths:
         return LimitCost(deviation=deviation, arm=arm)
+    at_rest = np.zeros(change.shape[1])
+    linear = servo.replace(friction=0.0, drive_cycle=0.0)
+    simulation = ServoSimulation(change, set_points.cycle, linear)
+    response = simulation.run(0, len(change) - 1, at_rest, at_rest).states.T[0]
+    joint_errors = np.pad(response, ((1, 0), (0, 0)))
     tool = arm.tool_position(plan.with_rests(times) + joint_errors)
     distances = np.concatenate([path.project(tool[samples]).distance for path, samples in paths])
     return LimitCost(
