@@ -81,7 +81,7 @@ def test_motions_that_the_fci_does_not_support_are_refused(fr3, limits):
         (limits.replace(joint_jerk=[4750.0] * 6 + [6000.0]), q, "jerk of joint 7 is 6000"),
         (limits.replace(joint_acceleration=11.0), q, "acceleration of joint 1 is 11"),
         (limits, far, "Joint 4 is at -5.73 deg .* limit -8.7 deg"),
-        (limits, jump, "joint 5 .* ms, but the limit .* method none"),
+        (limits, jump, "joint 5 .* ms, but the limit .* increase"),
     ):
         with pytest.raises(ControllerRefused, match=reason):
             robot.check(fr3, changed, given)

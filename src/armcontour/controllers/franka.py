@@ -111,8 +111,7 @@ class Franka(Controller):
                     f"The {name} of joint {j + 1} is {number(values[i, j], unit)} at "
                     f"{number(i * CYCLE, 's')}, but the limit of the FCI is "
                     f"{number(allowed[i, j], unit)}. Reduce the limit joint_{name}, or increase "
-                    "timing.reserve. For compensated set-points, use compensation method none, "
-                    "because they need more jerk.",
+                    "timing.reserve.",
                     joint=j,
                     needed=float(values[i, j]),
                     allowed=float(allowed[i, j]),

@@ -247,12 +247,13 @@ class SetPointRule(Frozen):
                         allowed=excess.allowed,
                     )
                 )
-            if not order or not np.isfinite(self.bounds[order]).any():
+            if not order:
                 continue
             values = differences(q, order) / read**order
-            use = _ratio(values, self.bounds[order])
-            ratios[name] = use.max(axis=0, initial=0.0)
-            limited[: len(use)] |= (use > 1 - AT_LIMIT).any(axis=1)
+            if np.isfinite(self.bounds[order]).any():
+                use = _ratio(values, self.bounds[order])
+                ratios[name] = use.max(axis=0, initial=0.0)
+                limited[: len(use)] |= (use > 1 - AT_LIMIT).any(axis=1)
             if np.isfinite(self.plan[order]).any():
                 shares[name] = _ratio(values, self.plan[order]).max(axis=0, initial=0.0)
         return SetPointUse(
