@@ -274,6 +274,8 @@ class RollingRows:
         if self._bounds is not None:
             self._foresight = max(FORESIGHT, math.ceil(LIMITED_FORESIGHT * self._tails[0]))
         self._corrections: FloatArray | None = None
+        # Set-points within limits are corrected, otherwise rows.
+        self._correction_cycle = cycle if self._bounds is None else set_points.cycle
         if computed is not None:
             # If the robot has more dead time than its model, learned set-points start whole cycles
             # earlier than the computed set-points. Row k of the learned set-points corresponds to
@@ -286,8 +288,7 @@ class RollingRows:
             is_corrected = cost is not None and cost.bounded is not None
         if is_corrected:
             # At full speed, the corrected set-points are those of the plan, within their limits.
-            unlimited = self._window_of(plan, 0).set_points
-            self._corrections = self.q - self._rows_like(unlimited)
+            self._corrections = self._corrections_of(self._window_of(plan, 0).set_points)
         self._memory = COMPENSATED_TIME
         if options.is_local:
             slowest = servo.for_joints(plan.dof)
@@ -370,6 +371,16 @@ class RollingRows:
         """Return rows of set-points, as many as those of the plan; at rest after the last one."""
         rows = commands_at(set_points, self.cycle, self.servo.interpolation)
         return rows[np.minimum(np.arange(len(self.q)), len(rows) - 1)]
+
+    def _corrections_of(self, computed: SetPoints) -> FloatArray:
+        """Return corrections of computed set-points, or without limits of their rows, (n, dof)."""
+        if self._bounds is None:
+            return self.q - self._rows_like(computed)
+        wanted = self.set_points.q
+        numbers = np.arange(max(len(wanted), len(computed.q)))
+        last = np.minimum(numbers, len(wanted) - 1)
+        last_computed = np.minimum(numbers, len(computed.q) - 1)
+        return np.asarray(wanted[last] - computed.q[last_computed])
 
     def _pause_time(self, before: Chunk, t: float) -> float:
         """Return the time of the plan at which a motion pauses [s]; infinite after all contours.
@@ -549,7 +560,7 @@ class RollingRows:
     def _correct(self, plan_time: FloatArray, weight: FloatArray) -> FloatArray:
         """Return learned corrections [rad], (n, dof), by times of the plan [s] and weights."""
         assert self._corrections is not None
-        indices = (plan_time - self._start_time) / self.cycle
+        indices = (plan_time - self._start_time) / self._correction_cycle
         number = np.arange(len(self._corrections), dtype=np.float64)
         smooth = weight**3 * (10 - weight * (15 - 6 * weight))
         return interpolate(indices, number, self._corrections) * smooth[:, None]
