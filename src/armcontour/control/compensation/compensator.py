@@ -89,10 +89,13 @@ def unchecked_set_points(
     cycle: float,
     arm: Arm | None,
     rule: SetPointRule | None = None,
+    saturates: bool = True,
 ) -> SetPoints:
     """Compute set-points as `compensate`, without its check of limits.
 
     - `rule`: limits of the set-points; by default those of the plan and the options.
+    - `saturates`: whether joints may saturate, so that limited set-points also bound their
+      accelerations where this costs less.
     """
     interval = check_cycle(cycle)
     model = servo.for_joints(trajectory.dof)
@@ -135,7 +138,9 @@ def unchecked_set_points(
         return set_points
     from armcontour.control.compensation.nearest_set_points import limit_set_points
 
-    return limit_set_points(set_points, model, arm, for_bodies=options.for_bodies)
+    # Set-points for bodies contain torques that the servo model lacks.
+    saturates = saturates and not options.for_bodies
+    return limit_set_points(set_points, model, arm, saturates=saturates)
 
 
 def set_point_count(

@@ -48,7 +48,7 @@ def limit_set_points(
     servo: ServoModel,
     arm: Arm | None = None,
     *,
-    for_bodies: bool = False,
+    saturates: bool = True,
 ) -> SetPoints:
     """Replace set-points by the nearest ones within their rule.
 
@@ -58,8 +58,7 @@ def limit_set_points(
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
-    - `for_bodies`: whether the joints follow the plan only with the masses of the arm. Then they
-      saturate at torques, which this simulation ignores.
+    - `saturates`: whether joints saturate at the accelerations of the plan.
 
     Raises:
         CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
@@ -71,9 +70,9 @@ def limit_set_points(
     at_set_points[ACCELERATION] = intersection(stated[ACCELERATION], rule.bounds[ACCELERATION])
     for bounds in (rule.at_cycle(set_points.cycle), at_set_points):
         with suppress(CompensationError):
-            return _limit(set_points, bounds, servo, arm, for_bodies=for_bodies)
+            return _limit(set_points, bounds, servo, arm, saturates=saturates)
     try:
-        return _limit(set_points, stated, servo, arm, for_bodies=for_bodies)
+        return _limit(set_points, stated, servo, arm, saturates=saturates)
     except CompensationError:
         if rule.is_stated:
             raise
@@ -86,7 +85,7 @@ def _limit(
     servo: ServoModel,
     arm: Arm | None,
     *,
-    for_bodies: bool,
+    saturates: bool,
 ) -> SetPoints:
     """Replace set-points by the nearest ones within bounds; see `limit_set_points`."""
     dof = set_points.q.shape[1]
@@ -117,7 +116,7 @@ def _limit(
         )
     limited = replace(longer, q=nearest)
     saturation = UNLIMITED
-    if not for_bodies:
+    if saturates:
         saturation = np.stack(servo.saturate(*longer.rule.plan[ACCELERATION]))
     limited, joint_errors, bounded = _keep_accelerations(longer, limited, bounds, servo, saturation)
     cost = _estimate_errors(limited, limited.q - q, joint_errors, arm)

@@ -120,13 +120,23 @@ class Case:
         ratio = use_of("joint_velocity", self.limits, rate).ratio.max(axis=1)
         return np.where(((q < lower) | (q > upper)).any(axis=1), np.inf, ratio)
 
-    def compute_set_points(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
-        """Compute the set-points of a plan, by default with the cycle of the run [s]."""
-        servo = self.job.servo.for_joints(self.arm.dof)
-        options = self.run.compensation
-        cycle = self.run.cycle if cycle is None else cycle
-        rule = self.job.rule(self.run, plan.limits_for(None))
-        return unchecked_set_points(plan, servo, options, cycle=cycle, arm=self.arm, rule=rule)
+    def compute_set_points(
+        self, plan: Trajectory, cycle: float | None = None, *, saturates: bool = False
+    ) -> SetPoints:
+        """Compute the set-points of a plan, by default with the cycle of the run [s].
+
+        - `saturates`: whether joints may saturate. Derating removes saturation where it is caused,
+          so set-points of attempts do not bound joint accelerations.
+        """
+        return unchecked_set_points(
+            plan,
+            self.job.servo.for_joints(self.arm.dof),
+            self.run.compensation,
+            cycle=self.run.cycle if cycle is None else cycle,
+            arm=self.arm,
+            rule=self.job.rule(self.run, plan.limits_for(None)),
+            saturates=saturates,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -444,7 +444,7 @@ def _execute_continuously(verdict: AttemptVerdict) -> Sequence[ContourExecution]
 def _execute_uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
-    set_points = case.compute_set_points(fastest)
+    set_points = case.compute_set_points(fastest, saturates=True)
     resolution = max(min(1e-3, case.run.cycle), PROOF_RESOLUTION)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     pieces = split_by_contour(executed, case.program, None, None)
