@@ -88,6 +88,7 @@ def test_the_undo_list_names_steps_and_goes_to_them(studio):
         open_steps(studio)
         expect(steps.nth(k)).to_have_attribute("aria-current", "step")
     # Arrow keys move in the list.
+    expect(steps.nth(1)).to_be_focused()
     studio.page.keyboard.press("ArrowDown")
     with studio.renewing():
         studio.page.keyboard.press("Enter")
