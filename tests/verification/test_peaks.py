@@ -233,7 +233,9 @@ def short_contours(length, resolution):
         program, arm, arm.limits.replace(speed=0.15), ac.Optimal(configuration="positive")
     )
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    set_points = ac.compensate(trajectory, servo, ac.Inverse(), cycle=8e-3)
+    # Without limits of the set-points, a plan at full acceleration winds up the servos.
+    raw = ac.Inverse(command_limits=ac.Limits(joint_acceleration=np.inf))
+    set_points = ac.compensate(trajectory, servo, raw, cycle=8e-3)
     return program, ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=resolution)
 
 

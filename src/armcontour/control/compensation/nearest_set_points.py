@@ -138,11 +138,12 @@ def _nearest_between_waits(
     """
     q = set_points.q
     cycle = set_points.cycle
-    waits = {round((x.t - set_points.start_time) / cycle) for x in set_points.trajectory.waits}
-    ends = [0, *sorted(x for x in waits if 0 < x < len(q) - 1), len(q) - 1]
+    # A wait also keeps the set-point that follows it, so that the set-points rest there for a cycle.
+    waits = {round((x.t - set_points.start_time) / cycle) + 1 for x in set_points.trajectory.waits}
+    ends = [0, *sorted(x for x in waits if 0 < x < len(q)), len(q)]
     nearest = q.copy()
     for first, last in pairwise(ends):
-        piece = slice(first, last + 1)
+        piece = slice(first, last)
         other = None if otherwise is None else otherwise[piece]
         nearest[piece], joint = nearest_commands(
             q[piece], cycle, bounds, other, responses=responses
