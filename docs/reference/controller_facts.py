@@ -19,13 +19,15 @@ HEAD = """# Facts of controllers
 
 This page lists what sources say about controllers that receive
 [set-points](../glossary.md#servo-and-execution). armcontour reads the same
-[data](../../src/armcontour/motion/controllers.yaml). **We have tried none of it on a robot.**
+[data](../../src/armcontour/motion/controllers.yaml), and applies their limits and cycles in the
+formats and players that a section names. **We have tried none of it on a robot.**
 Controllers that plan the motion between the points of a program
 ([KRL and RAPID](../guides/controllers/kuka_abb.md#a-program)) are not listed.
 
 - **Cycle**: time between the set-points that the controller reads. If it is empty, you set the
   cycle, or it is unknown.
-- **Limits**: quantities whose limits are known. A multiple is that of the arm's own limit.
+- **Limits**: quantities whose limits are known. A multiple is that of the plan's limit, which is
+  at most the arm's.
 - **Beyond a limit**: the controller *stops*, *clamps* the command, or *filters* it.
 - **Between set-points** that come less often than the controller reads them, it commands *lines* or
   *cubics*, *holds* the last one, or has a law of

@@ -60,7 +60,7 @@ def test_all_doors_state_the_same_share_of_the_acceleration(
     found["check"] = json.loads(done(*shlex.split(command)))["set_point_acceleration"]
     job = parse_job(text)
     result = ac.run(job).runs["sent"]
-    found["python"] = result.set_points.use.shares["joint_acceleration"].max()
+    found["python"] = result.set_points.use.plan_ratios["joint_acceleration"].max()
     rows = ask("figures", text, "sent").header["rows"]
     (row,) = [x for x in rows if x["name"] == "set_point_acceleration"]
     found["studio"] = row["value"]
@@ -83,3 +83,15 @@ def test_a_velocity_that_the_user_widens_is_still_the_smaller_one():
         (run,) = job.runs
         bounds.append(job.rule(run, run.limits).bounds[1])
     np.testing.assert_array_equal(*bounds)
+
+
+def test_a_run_warns_of_set_points_whose_acceleration_nothing_limits():
+    """Sent to a controller that stops, they stop the robot."""
+    messages = []
+    for limits in ("", "command_limits: {joint_acceleration: inf}"):
+        (result,) = ac.run(parse_job(JOB.replace("LIMITS", limits))).runs.values()
+        ratio = result.set_point_use.plan_ratios["joint_acceleration"].max()
+        messages.append([x for x in result.warnings if "command_limits" in x])
+    assert messages[0] == [] and ratio > 50
+    (message,) = messages[1]
+    assert f"{100 * ratio:.0f}"[:2] in message

@@ -27,12 +27,14 @@ def test_the_smaller_limit_counts_and_replaces_an_assumed_one():
     none = [np.inf, np.inf]
     rule = make_rule(PLAN, 2)
     assert upper(rule) == [[2.0, 3.0], [15.0, 18.0], none]
-    assert rule.sources == ("", "limits", "assumed", "") and not rule.is_stated
+    assert rule.sources == ("", "the plan", "assumed", "") and not rule.has_own_limits
     # A wider velocity changes nothing. A stated acceleration replaces the assumed one.
     wide = ac.Limits(joint_velocity=9.0, joint_acceleration=50.0, joint_jerk=1e4)
     rule = make_rule(PLAN, 2, wide)
     assert upper(rule) == [[2.0, 3.0], [50.0, 50.0], [1e4, 1e4]]
-    assert rule.sources == ("", "limits", "command_limits", "command_limits") and rule.is_stated
+    assert (
+        rule.sources == ("", "the plan", "command_limits", "command_limits") and rule.has_own_limits
+    )
     # Of the user and of controllers, in any order
     ros = facts_of_format("ros-yaml")
     franka = dataclasses.replace(facts_of_player("franka"), limits=ac.Limits(joint_velocity=2.5))
@@ -40,14 +42,16 @@ def test_the_smaller_limit_counts_and_replaces_an_assumed_one():
     for targets in ((ros, franka, ur), (ur, franka, ros)):
         rule = make_rule(PLAN, 2, wide, targets)
         assert upper(rule) == [[2.0, 2.5], [5.0, 6.0], [1e4, 1e4]]
-        assert rule.sources == ("", franka.title, ros.title, "command_limits")
+        # Joint 1 keeps the plan's velocity, joint 2 that of a controller.
+        sources = ("", f"the plan, {franka.title}", ros.title, "command_limits")
+        assert rule.sources == sources
         assert rule.cycle == franka.cycle
 
 
 def test_infinity_removes_the_assumed_limit_only():
     free = ac.Limits(joint_velocity=np.inf, joint_acceleration=np.inf)
     rule = make_rule(PLAN, 2, free)
-    assert upper(rule)[:2] == [[2.0, 3.0], [np.inf, np.inf]]
+    assert upper(rule)[:2] == [[2.0, 3.0], [np.inf, np.inf]] and not rule.has_own_limits
     one = make_rule(PLAN, 2, ac.Limits(joint_acceleration=[np.inf, 7.0]))
     assert upper(one)[1] == [np.inf, 7.0]
     # A controller's limit counts in spite of it.
@@ -56,7 +60,7 @@ def test_infinity_removes_the_assumed_limit_only():
 
 def test_an_arm_without_limit_of_acceleration_has_no_assumed_one():
     rule = make_rule(ac.Limits(joint_velocity=2.0), 2)
-    assert rule.sources == ("", "limits", "", "")
+    assert rule.sources == ("", "the plan", "", "")
     assert set(rule.judge(RANDOM.normal(size=(9, 2)), 4e-3).ratios) == {"joint_velocity"}
     with pytest.raises(ac.InvalidInput, match="joint_torque"):
         make_rule(PLAN, 2, ac.Limits(joint_torque=1.0))

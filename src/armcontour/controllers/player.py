@@ -981,7 +981,7 @@ def _check_set_points(
             allowed=excess.allowed,
         )
     rows = []
-    for name, share in use.shares.items():
+    for name, share in use.plan_ratios.items():
         label = f"set-point {name.removeprefix('joint_')}"
         rows.append(Row(f"set_points.{name}", share, "1", label, "of the plan's limit"))
     return rows

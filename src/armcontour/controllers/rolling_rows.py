@@ -265,7 +265,7 @@ class RollingRows:
         bounds = rule.at_cycle(set_points.cycle)
         # Bounds of set-points, (4, 2, dof); None if the compensation changes none.
         self._bounds = bounds if options.compensates and np.isfinite(bounds).any() else None
-        self._unlimited = rule.without_limits
+        self._unlimited = rule.without_limits()
         # Limited set-points reach the end of a motion at most so many cycles after the others.
         extension = extension_of(servo.for_joints(plan.dof), bounds)
         self._tails = [math.ceil(x / set_points.cycle) for x in (extension, LONGEST_TAIL)]

@@ -26,7 +26,7 @@ from armcontour.jobs.plan_quantities import (
 from armcontour.jobs.run_record import RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution, Servoj
-from armcontour.motion.set_point_rule import SetPointUse
+from armcontour.motion.set_point_rule import ASSUMED, SetPointUse
 from armcontour.planning import Explanation
 from armcontour.planning.explanation import DWELLS, RAPIDS
 from armcontour.program import Contour, Program
@@ -159,7 +159,9 @@ def verdict_rows(result: RunRecord, verdict: Verdict) -> Iterator[Row]:
         label = f"contour error, {gains.words}"
         note = "estimate for the worst such robot"
         if gains.saturates:
-            note = "worst robot found; joints saturate"
+            note = "worst robot found; some of its joints saturate"
+        if verdict.allowed is not None and gains.max > verdict.allowed:
+            note += f"; above the allowed contour error of {number(verdict.allowed, 'm')}"
         yield Row("unknown_gains.max", gains.max, "m", label, note)
     yield duration_row(result.trajectory.duration, VERDICT)
     speed_factor = result.trajectory.speed_factor
@@ -442,7 +444,7 @@ def _set_points(result: RunRecord) -> Iterator[Row]:
     use = result.set_point_use
     yield from set_point_rows(use, result.arm)
     if cost is not None:
-        note = f"of the time; changes a set-point by {cost}"
+        note = f"of the cycles; changes a set-point by {cost}"
         yield Row("limited", use.limited_share, "1", "set-points at a limit", note)
     yield Row("command_use", dict(use.ratios), "1")
     yield Row("set_point_rule", use.rule.data())
@@ -460,7 +462,7 @@ def set_point_rows(use: SetPointUse, arm: Arm) -> Iterator[Row]:
     """
     rule = use.rule
     for order, name in SHARES.items():
-        shares = use.shares.get(name)
+        shares = use.plan_ratios.get(name)
         if shares is None:
             continue
         joint = int(shares.argmax())
@@ -469,6 +471,8 @@ def set_point_rows(use: SetPointUse, arm: Arm) -> Iterator[Row]:
         of_plan = np.abs(rule.plan[order, :, joint]).min()
         allowed = np.abs(rule.bounds[order, :, joint]).min() / of_plan
         source = rule.sources[order]
+        if source == ASSUMED:
+            source = "assumed: no limit of a controller is known"
         limit = f"allowed {number(allowed, '1')}, {source}" if np.isfinite(allowed) else "no limit"
         note = f"of {number(of_plan, unit)}, joint {joint_label(joint + 1, arm.joint_names)}"
         what = name.removeprefix("joint_")

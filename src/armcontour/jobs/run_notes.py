@@ -317,15 +317,22 @@ def _warn_of_set_points(result: RunRecord) -> Iterator[str]:
     if cost is not None and cost.contour_max is not None and allowed is not None:
         if cost.contour_max > COSTLY_SHARE * allowed:
             yield (
-                "the limits of the set-points cost much of the allowed contour error of "
-                f"{number(allowed, 'm')}. They change the set-points by {cost}."
+                "the limits of the set-points cost much of the contour error of "
+                f"{number(allowed, 'm')} that the path leaves. They change the set-points by {cost}."
             )
     for excess in result.set_point_use.excesses:
         yield describe_excess(excess, set_points)
-    if not result.set_point_use.rule.sources[ACCELERATION]:
+    use = result.set_point_use
+    if not use.rule.sources[ACCELERATION]:
         yield (
             f"no acceleration limit of {result.arm.name} is known, so that the accelerations of "
             "the set-points are not limited. Specify limits.joint_acceleration."
+        )
+    elif not np.isfinite(use.rule.bounds[ACCELERATION]).any():
+        largest = use.plan_ratios["joint_acceleration"].max()
+        yield (
+            "command_limits removes the limit of the set-points' acceleration, which is up to "
+            f"{number(largest, '1')} of the plan's limit. Check that your controller accepts this."
         )
 
 

@@ -1,7 +1,8 @@
 """What is known about controllers that receive set-points: cycle, limits, and interpolation.
 
 The facts, each with its source, are in `controllers.yaml`. Pages and rules for set-points are made
-from them. Robot programs whose points the controller plans itself (KRL, RAPID) have none.
+from them. Robot programs between whose points the controller plans the motion (KRL, RAPID) have
+none.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Fact(Checked):
         evidence: "MEASURED" by the source, "READ" in the source, or "UNVERIFIED" if no source
             states it.
         source: The source.
-        sets: Field of `ControllerFacts`, or limit, that has its value from here; "" for a fact in
-            words.
+        sets: Name of the field of `ControllerFacts`, or of the limit, whose value it states; "" for a
+            fact in words.
     """
 
     text: Sentence
@@ -64,13 +65,13 @@ class ControllerFacts(Checked):
         cycle: Time between the set-points that it reads [s]; None if the user sets it, or if it is
             unknown.
         limits: Its absolute limits of set-points, one value per joint, or one for all joints.
-        velocity_factor: Its velocity limit as a multiple of the arm's; None without one.
-        acceleration_factor: Its acceleration limit as a multiple of the arm's; None without one.
+        velocity_factor: Its velocity limit as a multiple of the plan's; None without one.
+        acceleration_factor: Its acceleration limit as a multiple of the plan's; None without one.
         effect: What it does with set-points beyond a limit.
         law: How it interpolates set-points that come less often than it reads them: "lines",
             "cubics", "holds" (the last set-point), a name in `controller_laws.CONTROLLERS`, or
             "unknown".
-        facts: What the sources say, among it all values above.
+        facts: What the sources say; all values from `cycle` on come from them.
     """
 
     name: Annotated[str, Named(needed=True)]
@@ -84,6 +85,11 @@ class ControllerFacts(Checked):
     effect: Effect = "unknown"
     law: Annotated[str, Choice((*OTHER_LAWS, *NAMES))] = "unknown"
     facts: tuple[Fact, ...] = ()
+
+
+# Units of the limits, and of all values that a fact can set.
+LIMIT_UNITS = {name: x.unit for name, x in quantities(Limits).items()}
+UNITS = LIMIT_UNITS | {name: x.unit for name, x in quantities(ControllerFacts).items()}
 
 
 @cache
@@ -119,8 +125,8 @@ def read_facts(text: str, source: str) -> tuple[ControllerFacts, ...]:
 def _controller(name: str, entry: Mapping[str, Any]) -> ControllerFacts:
     """Return the facts of one controller."""
     fields = {key: value for key, value in entry.items() if key != "facts"}
-    for key in fields.keys() - {"title", "formats", "player"}:
-        raise InvalidInput(f"{key} of {name} must be set by a fact, which states its source.")
+    if others := sorted(fields.keys() - {"title", "formats", "player"}):
+        raise InvalidInput(f"{others[0]} of {name} must be set by a fact, which states its source.")
     limits = dict[str, Any]()
     facts = []
     for item in entry["facts"]:
@@ -140,8 +146,3 @@ def _controller(name: str, entry: Mapping[str, Any]) -> ControllerFacts:
         elif fact.sets:
             fields[fact.sets] = value
     return ControllerFacts(name=name, limits=Limits(**limits), facts=tuple(facts), **fields)
-
-
-# Units of the limits, and of all values that a fact can set.
-LIMIT_UNITS = {name: x.unit for name, x in quantities(Limits).items()}
-UNITS = LIMIT_UNITS | {name: x.unit for name, x in quantities(ControllerFacts).items()}

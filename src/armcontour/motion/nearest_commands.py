@@ -80,7 +80,7 @@ class Excess(NamedTuple):
 
     name: str  # Name of the limit
     order: int  # Order of the difference; 0 for positions
-    row: int  # Row of the set-point at which the difference begins
+    row: int  # Row of the last set-point but one of the difference
     joint: int
     needed: float  # The position, or the absolute value of the derivative
     allowed: float
@@ -90,6 +90,8 @@ def find_excess(
     q: FloatArray, cycle: float, bounds: FloatArray, share: float = 0.0
 ) -> Excess | None:
     """Find the largest excess of set-points over their bounds; None if there is none.
+
+    Excesses of positions [rad] are compared with those of derivatives, which are shares of bounds.
 
     - `q`: set-points [rad], (n, dof).
     - `cycle`: cycle [s].
@@ -152,16 +154,16 @@ def nearest_commands(
 ) -> tuple[FloatArray, int | None]:
     """Return set-points within bounds, with the smallest mean squared difference from `q`.
 
-    The set-points of joints within their bounds are not changed. Other set-points are rounded to
-    DECIMALS, and satisfy the bounds after this rounding.
+    The set-points of joints within their bounds are not changed. The nearest set-points are rounded
+    to DECIMALS, and satisfy the bounds after this rounding.
 
-    Returns set-points [rad], (n, dof), and None; without `otherwise`, the search stops at the first
-    joint whose bounds cannot be satisfied and returns the index of this joint.
+    Returns the set-points [rad], (n, dof), and the first joint for which none were found, or None.
+    With `otherwise`, it is always None.
 
     - `q`: set-points [rad], (n, dof), at rest before and after.
     - `cycle`: cycle [s].
     - `bounds`: as from `command_bounds`.
-    - `otherwise`: set-points for joints whose bounds cannot be satisfied.
+    - `otherwise`: set-points for joints for which none are found.
     - `fixed`: number of set-points at the start that do not change, and that are within the bounds.
     - `responses`: bounds of the responses of all joints, only if `fixed` is 1.
     """
@@ -193,7 +195,7 @@ def nearest_values(
 
     The `fixed` first values and the last one do not change; before and after all values they are
     assumed constant. Differences of fixed values only are not compared. The result is None if no
-    values satisfy the bounds.
+    values within the bounds are found.
 
     - `values`: set-points of one joint, (n,).
     - `bounds`: lower and upper bounds of the values, then of their differences of orders 1, 2, ...
@@ -202,7 +204,7 @@ def nearest_values(
     orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
     change_filter = np.ones(1) if response is None else response.denominator
     size = len(values) - fixed - len(change_filter)
-    if not orders or size < 1:
+    if not orders:
         return values
     rows = [_bound_difference(values, k, bounds[k], fixed, change_filter) for k in orders]
     if response is not None:
@@ -210,6 +212,8 @@ def nearest_values(
     problem = _Problem(size, change_filter, rows)
     if problem.excess <= 0:
         return values
+    if size < 1:
+        return None
     unknown = _smallest_change(problem)
     if unknown is None:
         return None
@@ -222,7 +226,7 @@ def _bounds_before_rounding(bounds: FloatArray, cycle: float) -> FloatArray:
     """Return bounds of differences that also hold after rounding to DECIMALS, (orders, 2).
 
     `bounds` are bounds of the derivatives of one joint, (orders, 2). Rounding changes a difference
-    of order k by at most `2^k` half digits.
+    of order k by at most `2^k` half digits; whole ones are used.
     """
     orders = np.arange(len(bounds))[:, None]
     difference_bounds = bounds * cycle**orders
@@ -284,7 +288,7 @@ class _Problem(NamedTuple):
     @property
     def excess(self) -> float:
         """Largest violation of a bound by the unchanged values."""
-        return -min(float(x.room.min()) for x in self.rows)
+        return -min(float(x.room.min(initial=np.inf)) for x in self.rows)
 
     def split(self, values: FloatArray) -> list[FloatArray]:
         """Divide one value per row of D into those of `rows`."""
@@ -313,7 +317,7 @@ def _bound_difference(
     """
     # Differences that contain an inner value
     compared = differences(values, order)[fixed - 1 :] if order else values[fixed:-1]
-    largest = float(np.abs(compared).max())
+    largest = float(np.abs(compared).max(initial=0.0))
     distant = MISSING_BOUND * max(largest, *(abs(x) for x in bounds if isfinite(x)))
     low = max(bounds[0], -distant)
     high = min(bounds[1], distant)
@@ -332,7 +336,7 @@ def _bound_response(values: FloatArray, response: JointResponse) -> _Rows:
 
 
 def _smallest_change(problem: _Problem) -> FloatArray | None:
-    """Return the unknown x of the smallest change within the bounds, (n,); None if none exists.
+    """Return the unknown x of the smallest change within the bounds, (n,); None if none is found.
 
     At the minimum of `|C x|² / 2`, slacks s and multipliers y, both nonnegative, satisfy
 
@@ -375,8 +379,10 @@ class _Conditions(NamedTuple):
     size: float  # |C x|²
 
     def are_satisfied(self, share: float) -> bool:
-        """Return whether x is within the bounds and the gap below a share of `|C x|²`."""
-        return float(np.abs(self.outside).max()) < BOUND_VIOLATION and self.gap < share * self.size
+        """Return whether x is within the bounds, and the others below a share of `|C x|²`."""
+        if float(np.abs(self.outside).max()) > BOUND_VIOLATION:
+            return False
+        return max(self.gap, float(self.gradient @ self.gradient)) < share * self.size
 
 
 class _Step(NamedTuple):
@@ -425,7 +431,7 @@ def _factorize(problem: _Problem, iterate: _Iterate) -> FloatArray | None:
 def _take_step(
     problem: _Problem, iterate: _Iterate, conditions: _Conditions, factor: FloatArray
 ) -> None:
-    """Move an iterate by Mehrotra's step: Newton's step, corrected by what it would change."""
+    """Move an iterate by Mehrotra's predictor-corrector step."""
     unknown, slacks, multipliers = iterate
     products = conditions.products
     gap = conditions.gap

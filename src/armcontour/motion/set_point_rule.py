@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen
 from armcontour.core.sampled_data import differences, interpolate
-from armcontour.motion.controller_facts import ControllerFacts, Effect
+from armcontour.motion.controller_facts import ControllerFacts
 from armcontour.motion.nearest_commands import (
     BY_ORDER,
     check_command_limits,
@@ -20,16 +20,17 @@ from armcontour.motion.nearest_commands import (
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Limits
 
-# Without a stated limit, set-points may accelerate by this multiple of the plan's limit. No maker
-# states such a limit: a UR stopped at 10 times, a CRX executed 6.3 times the planned acceleration.
+# If no limit of the acceleration is known, set-points may accelerate by this multiple of the plan's
+# limit. A user reports that a UR5 stopped at 10 times the accelerations of a planning configuration.
+# Joint 6 of a CRX executed 6.3 times a published planning value.
 ASSUMED_FACTOR = 3.0
-# Sources of limits: those of the plan, of the user, and none. Other sources are controllers.
-PLAN = "limits"
+# Sources of limits: the plan, the user, the assumption, and none. Other sources are controllers.
+PLAN = "the plan"
 USER = "command_limits"
 ASSUMED = "assumed"
 NONE = ""
-# Set-points whose use of a limit is within this share of it are limited by it. The nearest
-# set-points leave room for their digits, at a cycle of 0.1 ms about this share.
+# A set-point is at a limit if it uses more than all but this share of it. Rounding to their decimals
+# keeps the nearest set-points below the limit, at cycles from 1 ms on by less than this share.
 AT_LIMIT = 1e-3
 ACCELERATION = BY_ORDER.index("joint_acceleration")
 NO_BOUND = np.array([[-np.inf], [np.inf]])
@@ -88,7 +89,7 @@ class SetPointExcess(NamedTuple):
             return "Plan a motion that is farther from this end of the range."
         if self.is_assumed:
             return (
-                "No maker states this limit. If your controller accepts more, specify "
+                "No limit of your controller is known. If it accepts more, specify "
                 "command_limits.joint_acceleration (inf for no limit). Otherwise compensate by the "
                 "method inverse at the controller's cycle, whose set-points keep the limit, or "
                 "plan a slower motion."
@@ -98,7 +99,7 @@ class SetPointExcess(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SetPointRule(Frozen):
-    """Limits of set-points, as a controller would judge them.
+    """Constant limits of set-points, at the cycle at which a controller reads them.
 
     The derivatives of set-points are their differences over the controller's cycle. Set-points that
     come less often than the controller reads them are joined by lines.
@@ -106,18 +107,16 @@ class SetPointRule(Frozen):
     Args:
         bounds: Lower and upper bounds of positions, velocities, accelerations and jerks [rad,
             rad/s, rad/s², rad/s³], (4, 2, dof); infinite without a limit.
-        sources: Source of the limits of each order, (4,): PLAN, USER, ASSUMED, the title of a
-            controller, or NONE.
-        plan: The same bounds of the plan, of which shares are stated, (4, 2, dof).
+        sources: Sources of the limits of each order, (4,): PLAN, USER, ASSUMED, the title of a
+            controller, or NONE; several if they limit different joints or directions.
+        plan: Bounds of the plan, to which percentages refer, (4, 2, dof).
         cycle: Cycle at which the controller reads [s]; None for that of the set-points.
-        effect: What the controller does beyond a limit.
     """
 
     bounds: FloatArray
     sources: tuple[str, ...]
     plan: FloatArray
     cycle: float | None = None
-    effect: Effect = "unknown"
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> SetPointRule:
@@ -127,7 +126,6 @@ class SetPointRule(Frozen):
             sources=tuple(data["sources"]),
             plan=_bounds_of_data(data["plan"]),
             cycle=data["cycle"],
-            effect=data["effect"],
         )
 
     def data(self) -> dict[str, Any]:
@@ -135,14 +133,16 @@ class SetPointRule(Frozen):
         return {x.name: getattr(self, x.name) for x in fields(self)}
 
     @property
-    def is_stated(self) -> bool:
-        """True if the user or a controller states a limit, and not only the plan."""
-        return bool(set(self.sources) - {PLAN, ASSUMED, NONE})
+    def has_own_limits(self) -> bool:
+        """True if the user or a controller limits the set-points, and not only the plan."""
+        limited = np.isfinite(self.bounds).any(axis=(1, 2))
+        used = {x for x, is_used in zip(self.sources, limited, strict=True) if is_used}
+        return bool(used - {PLAN, ASSUMED, NONE})
 
-    @property
     def without_limits(self) -> SetPointRule:
-        """The rule without any limit."""
-        return replace(self, bounds=np.full_like(self.bounds, np.inf) * [[-1.0], [1.0]])
+        """Return the rule without any limit."""
+        bounds = np.broadcast_to(NO_BOUND, self.bounds.shape)
+        return replace(self, bounds=bounds, sources=(NONE,) * len(BY_ORDER))
 
     def without_assumed(self) -> SetPointRule:
         """Return the rule without an assumed limit."""
@@ -179,7 +179,7 @@ class SetPointRule(Frozen):
                 bounds[order] = intersection(bounds[order], factor * self.plan[order])
         cycles = [x for x in (self.cycle, controller.cycle) if x is not None]
         rule = self._tightened(bounds, controller.title)
-        return replace(rule, cycle=min(cycles, default=None), effect=controller.effect)
+        return replace(rule, cycle=min(cycles, default=None))
 
     def _tightened(self, bounds: FloatArray, source: str) -> SetPointRule:
         """Return the rule within further bounds, (4, 2, dof), which replace assumed ones."""
@@ -191,19 +191,21 @@ class SetPointRule(Frozen):
             if sources[order] == ASSUMED:
                 tightened[order] = NO_BOUND
             narrower = intersection(tightened[order], given)
-            if (narrower != tightened[order]).any():
-                sources[order] = source
+            changed = narrower != tightened[order]
+            if changed.any():
+                remains = (np.isfinite(narrower) & ~changed).any()
+                sources[order] = f"{sources[order]}, {source}" if remains else source
             tightened[order] = narrower
         return replace(self, bounds=tightened, sources=tuple(sources))
 
     def at_cycle(self, cycle: float) -> FloatArray:
         """Return bounds on set-points at a cycle, so that the controller reads no excess.
 
-        If the controller reads every c seconds the lines between set-points that are h >= c apart,
-        the velocity changes by Δv at a set-point within one cycle c. The acceleration that it reads
-        is Δv / c, the jerk Δv / c². If h < 2 c, it may read two such changes at once, and then a
-        jerk of (3 - h / c) Δv / c². So the acceleration over h is at most the smaller of `A c / h`
-        and `J c² / h / max(1, 3 - h / c)`.
+        Over the time h between set-points, the acceleration may be at most the smaller of
+        `A c / h` and `J c² / h / max(1, 3 - h / c)`, with the controller's cycle c <= h and its
+        limits A and J: it reads lines, whose velocity changes by Δv at a set-point within one
+        cycle c. So it reads an acceleration of Δv / c and a jerk of Δv / c². If h < 2 c, it may
+        read two opposite changes within three cycles, and then a jerk of (3 - h / c) Δv / c².
 
         - `cycle`: time h between set-points [s].
         """
@@ -229,11 +231,11 @@ class SetPointRule(Frozen):
             count = int(np.ceil(t[-1] / read - COMMAND_SLACK)) + 1
             q = interpolate(np.arange(count, dtype=np.float64) * read, t, q)
         ratios = {}
-        shares = {}
+        plan_ratios = {}
         excesses = []
         limited = np.zeros(len(q) + len(BY_ORDER), dtype=bool)
         for order, name in enumerate(BY_ORDER):
-            only = np.full_like(self.bounds, np.inf) * [[-1.0], [1.0]]
+            only = np.broadcast_to(NO_BOUND, self.bounds.shape).copy()
             only[order] = self.bounds[order]
             excess = find_excess(q, read, only)
             if excess is not None:
@@ -255,11 +257,11 @@ class SetPointRule(Frozen):
                 ratios[name] = use.max(axis=0, initial=0.0)
                 limited[: len(use)] |= (use > 1 - AT_LIMIT).any(axis=1)
             if np.isfinite(self.plan[order]).any():
-                shares[name] = _ratio(values, self.plan[order]).max(axis=0, initial=0.0)
+                plan_ratios[name] = _ratio(values, self.plan[order]).max(axis=0, initial=0.0)
         return SetPointUse(
             rule=self,
             ratios=ratios,
-            shares=shares,
+            plan_ratios=plan_ratios,
             excesses=tuple(excesses),
             limited_share=float(limited[: len(q)].mean()),
         )
@@ -271,33 +273,22 @@ class SetPointUse:
 
     Args:
         rule: The limits.
-        ratios: Largest ratio to each limit of the rule by its name, (dof,).
-        shares: Largest ratio to each limit of the plan by its name, (dof,).
+        ratios: Largest ratio to each limit of a derivative by its name, (dof,).
+        plan_ratios: Largest ratio to the plan's limit of each derivative by its name, (dof,).
         excesses: The largest excess over each limit that is exceeded; positions first.
-        limited_share: Share of the cycles in which a limit is reached.
+        limited_share: Share of the cycles in which a limit of a derivative is reached.
     """
 
     rule: SetPointRule
     ratios: Mapping[str, FloatArray]
-    shares: Mapping[str, FloatArray]
+    plan_ratios: Mapping[str, FloatArray]
     excesses: tuple[SetPointExcess, ...]
     limited_share: float
-
-    @property
-    def worst_joint(self) -> int:
-        """The joint that uses most of its limit of acceleration."""
-        ratios = self.ratios.get(BY_ORDER[ACCELERATION])
-        return 0 if ratios is None else int(ratios.argmax())
 
     @property
     def stated_excess(self) -> SetPointExcess | None:
         """The first excess over a limit that the plan, the user or a controller states."""
         return next((x for x in self.excesses if not x.is_assumed), None)
-
-    @property
-    def assumed_excess(self) -> SetPointExcess | None:
-        """The excess over an assumed limit."""
-        return next((x for x in self.excesses if x.is_assumed), None)
 
 
 def make_rule(
@@ -337,7 +328,7 @@ def make_rule(
 def _bounds_of_data(data: Any) -> FloatArray:
     """Return bounds, (4, 2, dof), in whose data infinite numbers are None."""
     bounds = np.array(data, dtype=np.float64)
-    return np.where(np.isnan(bounds), [[-np.inf], [np.inf]], bounds)
+    return np.where(np.isnan(bounds), NO_BOUND, bounds)
 
 
 def intersection(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -22,11 +22,9 @@ from armcontour.robot.limits import LIMITS
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Limited set-points begin earlier and end later by so many of the slowest servo's time constants,
-# plus the time of RAMPS.
+# Limited set-points begin earlier and end later by 2 time constants of the slowest servo, and by
+# 4 jerk-limited ramps from zero to the acceleration limit.
 TIME_CONSTANTS = 2.0
-# Limited set-points also begin earlier and end later by so many jerk-limited ramps from zero to the
-# acceleration limit.
 RAMPS = 4.0
 # Set-points are changed to satisfy a limit of velocity or acceleration that the plan exceeds by at
 # most this fraction. A plan with a larger excess is rejected.
@@ -50,31 +48,39 @@ def limit_set_points(
     *,
     saturates: bool = True,
 ) -> SetPoints:
-    """Replace set-points by the nearest ones within their rule.
+    """Replace set-points by near ones within their rule.
 
-    If the plan exceeds an assumed limit where the controller reads lines between its set-points,
-    this limit counts at the set-points only, and if the plan exceeds it there as well, not at all.
-    If nobody states a limit, and the plan exceeds its own, the set-points stay as they are.
+    They are the nearest ones, except for joints whose own acceleration is bounded, too; see
+    `_avoid_saturation`. Limits are tried in this order:
+
+    1. all limits, at the controller's cycle
+    2. an assumed limit of the acceleration at the set-points' cycle only
+    3. no assumed limit
+
+    If no set-points are found, and neither the user nor a controller limits them, the set-points
+    stay as they are.
 
     - `servo`: nominal servo, with which the resulting errors are estimated.
     - `arm`: arm for the contour errors; by default the arm of the plan.
     - `saturates`: whether joints saturate at the accelerations of the plan.
 
     Raises:
-        CompensationError: The plan exceeds a stated limit by more than SMOOTHED_SHARE, or no
-            set-points satisfy it.
+        CompensationError: The plan exceeds a limit of the user or a controller by more than
+            SMOOTHED_SHARE, or no set-points within it are found.
     """
     rule = set_points.rule
-    stated = rule.without_assumed().at_cycle(set_points.cycle)
-    at_set_points = stated.copy()
-    at_set_points[ACCELERATION] = intersection(stated[ACCELERATION], rule.bounds[ACCELERATION])
+    without_assumed = rule.without_assumed().at_cycle(set_points.cycle)
+    at_set_points = without_assumed.copy()
+    at_set_points[ACCELERATION] = intersection(
+        without_assumed[ACCELERATION], rule.bounds[ACCELERATION]
+    )
     for bounds in (rule.at_cycle(set_points.cycle), at_set_points):
         with suppress(CompensationError):
             return _limit(set_points, bounds, servo, arm, saturates=saturates)
     try:
-        return _limit(set_points, stated, servo, arm, saturates=saturates)
+        return _limit(set_points, without_assumed, servo, arm, saturates=saturates)
     except CompensationError:
-        if rule.is_stated:
+        if rule.has_own_limits:
             raise
         return set_points
 
@@ -87,40 +93,53 @@ def _limit(
     *,
     saturates: bool,
 ) -> SetPoints:
-    """Replace set-points by the nearest ones within bounds; see `limit_set_points`."""
-    dof = set_points.q.shape[1]
-    cycle = set_points.cycle
-    if find_excess(set_points.q, cycle, bounds) is None:
+    """Replace set-points by near ones within bounds; see `limit_set_points`."""
+    if find_excess(set_points.q, set_points.cycle, bounds) is None:
         return set_points
     _check_plan(set_points, bounds[:3], SMOOTHED_SHARE)
-    # If a limit is active, set-points begin earlier and end later, because a compensated command
-    # accelerates and decelerates faster than its joint. If the short extension is not sufficient,
-    # the longest one is tried.
+    unlimited, nearest = _find_nearest(set_points, bounds, servo)
+    limited = replace(unlimited, q=nearest)
+    saturation = UNLIMITED
+    if saturates:
+        saturation = np.stack(servo.saturate(*unlimited.rule.plan[ACCELERATION]))
+    limited, errors, bounded = _avoid_saturation(unlimited, limited, bounds, servo, saturation)
+    cost = _estimate_errors(limited, limited.q - unlimited.q, errors, arm)
+    return replace(limited, limit_cost=replace(cost, bounded=bounded))
+
+
+def _find_nearest(
+    set_points: SetPoints, bounds: FloatArray, servo: ServoModel
+) -> tuple[SetPoints, FloatArray]:
+    """Find the nearest set-points within bounds.
+
+    At a limit, set-points begin earlier and end later, because a compensated command accelerates
+    and decelerates faster than its joint. A short extension is tried first, then the longest one.
+
+    Returns the extended set-points without limits, and the nearest ones [rad], (n, dof).
+
+    Raises:
+        CompensationError: No set-points are found. If the plan itself exceeds the bounds, the
+            message says so.
+    """
+    cycle = set_points.cycle
+    failed = 0
     for extension in (extension_of(servo, bounds), LONGEST_TAIL):
         extra = int(np.ceil(extension / cycle))
         q = np.pad(set_points.q, ((extra, extra), (0, 0)), mode="edge")
-        start = set_points.start_time - extra * cycle
-        longer = replace(set_points, q=q, start_time=start)
-        nearest, joint = _nearest_between_waits(longer, bounds)
+        unlimited = replace(set_points, q=q, start_time=set_points.start_time - extra * cycle)
+        nearest, joint = _nearest_between_waits(unlimited, bounds)
         if joint is None:
-            break
-    else:
-        assert joint is not None
-        _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
-        sources = ", ".join(dict.fromkeys(filter(None, set_points.rule.sources)))
-        raise CompensationError(
-            f"No set-points of joint {joint + 1} satisfy their limits ({sources}) and reach the "
-            f"ends of the plan, even with {LONGEST_TAIL:g} s more before and after the plan. Plan "
-            "a slower motion.",
-            joint=joint,
-        )
-    limited = replace(longer, q=nearest)
-    saturation = UNLIMITED
-    if saturates:
-        saturation = np.stack(servo.saturate(*longer.rule.plan[ACCELERATION]))
-    limited, joint_errors, bounded = _keep_accelerations(longer, limited, bounds, servo, saturation)
-    cost = _estimate_errors(limited, limited.q - q, joint_errors, arm)
-    return replace(limited, limit_cost=replace(cost, bounded=bounded))
+            return unlimited, nearest
+        failed = joint
+    is_failed = np.arange(set_points.q.shape[1]) == failed
+    _check_plan(set_points, np.where(is_failed, bounds, UNLIMITED))
+    sources = ", ".join(dict.fromkeys(filter(None, set_points.rule.sources)))
+    raise CompensationError(
+        f"No set-points of joint {failed + 1} were found within their limits ({sources}) that "
+        f"reach the ends of the plan, even with {LONGEST_TAIL:g} s more before and after the "
+        "plan. Plan a slower motion.",
+        joint=failed,
+    )
 
 
 def _nearest_between_waits(
@@ -129,9 +148,12 @@ def _nearest_between_waits(
     otherwise: FloatArray | None = None,
     responses: Sequence[JointResponse] | None = None,
 ) -> tuple[FloatArray, int | None]:
-    """Return the nearest set-points, which rest at waits for inputs as before; see `_limit`.
+    """Return the nearest set-points, which rest at waits for inputs if they can.
 
-    Between two waits, they are found as those of a motion from rest to rest.
+    Those between two waits are found as those of a motion from rest to rest. If this is impossible,
+    the whole motion is one, and moves at the waits; exports refuse this.
+
+    Returns the set-points [rad], (n, dof), and the joint without a solution, or None.
 
     - `set_points`: extended set-points.
     - `otherwise`, `responses`: as in `nearest_commands`.
@@ -142,6 +164,7 @@ def _nearest_between_waits(
     waits = {round((x.t - set_points.start_time) / cycle) + 1 for x in set_points.trajectory.waits}
     ends = [0, *sorted(x for x in waits if 0 < x < len(q)), len(q)]
     nearest = q.copy()
+    joint = None
     for first, last in pairwise(ends):
         piece = slice(first, last)
         other = None if otherwise is None else otherwise[piece]
@@ -150,56 +173,58 @@ def _nearest_between_waits(
         )
         if joint is not None:
             break
-    else:
-        if find_excess(nearest, cycle, bounds) is None:
-            return nearest, None
-    # Where the rests are too short for this, the set-points move at the waits.
+    if joint is None and find_excess(nearest, cycle, bounds) is None:
+        return nearest, None
     return nearest_commands(q, cycle, bounds, otherwise, responses=responses)
 
 
-def _keep_accelerations(
-    free: SetPoints,
-    limited: SetPoints,
+def _avoid_saturation(
+    unlimited: SetPoints,
+    nearest: SetPoints,
     bounds: FloatArray,
     servo: ServoModel,
     saturation: FloatArray,
 ) -> tuple[SetPoints, FloatArray, BoolArray | None]:
-    """Replace set-points with which joints saturate by those that also bound the joints.
+    """Where saturation increases a joint's error, bound the joint's own acceleration as well.
 
     Limited set-points begin a change earlier and end it later, so that the joint deviates from the
     plan and can need more than the plan's acceleration. Then it saturates, and its position loop
-    winds up. Where this increases the error, set-points whose joint stays within the plan's
-    acceleration are tried. Each joint gets the set-points with the smaller error.
+    winds up. Each joint gets the set-points with the smaller error.
 
-    Returns the set-points, the difference of their motion from that of the free ones without
+    Only servos of second order without friction, integrator and acceleration feed-forward have a
+    response that can be bounded; other set-points stay the nearest ones.
+
+    Returns the set-points, the difference of their motion from that of the unlimited ones without
     saturation [rad], (n, dof), as simulated with the servo model, and `LimitCost.bounded`.
 
-    - `free`: set-points without limits, with which the joints follow the plan.
-    - `limited`: the nearest set-points within bounds.
+    - `unlimited`: set-points without limits, with which the joints follow the plan.
+    - `nearest`: the nearest set-points within bounds.
     - `bounds`: bounds of the set-points and their derivatives, (4, 2, dof).
     - `saturation`: lower and upper bound of each joint's acceleration [rad/s²], (2, dof).
     """
-    lower, upper = np.broadcast_to(saturation, (2, free.q.shape[1]))
-    planned = _simulate(free, servo).positions
-    executed = _simulate(limited, servo, lower, upper)
+    lower, upper = np.broadcast_to(saturation, (2, unlimited.q.shape[1]))
+    planned = _simulate(unlimited, servo).positions
+    executed = _simulate(nearest, servo, lower, upper)
     errors = executed.positions - planned
-    if not executed.saturates.any() or not _has_filter(servo):
-        return limited, errors, None
-    unsaturated = _simulate(limited, servo).positions - planned
+    if not executed.saturates.any() or not _is_linear_second_order(servo):
+        return nearest, errors, None
     largest = np.abs(errors).max(axis=0)
-    joints = np.flatnonzero(largest > HARMFUL_FACTOR * np.abs(unsaturated).max(axis=0)).tolist()
+    unsaturated_errors = _simulate(nearest, servo).positions - planned
+    is_harmful = largest > HARMFUL_FACTOR * np.abs(unsaturated_errors).max(axis=0)
+    joints = np.flatnonzero(is_harmful).tolist()
     if not joints:
-        return limited, errors, None
+        return nearest, errors, None
     bounds_of_joints = zip(joints, lower[joints], upper[joints], strict=True)
-    responses = [_joint_response(servo, limited.cycle, *x) for x in bounds_of_joints]
-    q = limited.q.copy()
-    part = replace(free, q=free.q[:, joints])
+    responses = [_joint_response(servo, nearest.cycle, *x) for x in bounds_of_joints]
+    q = nearest.q.copy()
+    part = replace(unlimited, q=unlimited.q[:, joints])
     q[:, joints], _ = _nearest_between_waits(part, bounds[:, :, joints], q[:, joints], responses)
-    other = replace(limited, q=q)
-    other_errors = _simulate(other, servo, lower, upper).positions - planned
-    better = np.abs(other_errors).max(axis=0) < largest
-    chosen = replace(limited, q=np.where(better, q, limited.q))
-    return chosen, np.where(better, other_errors, errors), better if better.any() else None
+    candidate = replace(nearest, q=q)
+    candidate_errors = _simulate(candidate, servo, lower, upper).positions - planned
+    is_better = np.abs(candidate_errors).max(axis=0) < largest
+    chosen = replace(nearest, q=np.where(is_better, q, nearest.q))
+    errors = np.where(is_better, candidate_errors, errors)
+    return chosen, errors, is_better if is_better.any() else None
 
 
 def _simulate(
@@ -216,8 +241,8 @@ def _simulate(
     return _Motion(positions, motions.saturated > 0)
 
 
-def _has_filter(servo: ServoModel) -> bool:
-    """Return whether every joint responds to set-points like a `JointResponse`."""
+def _is_linear_second_order(servo: ServoModel) -> bool:
+    """Return whether every joint responds to set-points as `_joint_response` computes it."""
     has_more = servo.ki.any() or servo.acceleration_feedforward.any()
     return servo.is_plain("second") and not has_more and servo.interpolation == "linear"
 
@@ -227,8 +252,8 @@ def _joint_response(
 ) -> JointResponse:
     """Return a joint's response to set-points that are joined by lines.
 
-    Its transfer function is `(f kv s + kp kv) / (s² + kv s + kp kv)`, as in (5), with velocity
-    feed-forward f. A dead time shifts the response.
+    Its transfer function is `(f kv s + kp kv) / (s² + kv s + kp kv)` with velocity feed-forward f,
+    see docs/concepts/servo.md. A dead time shifts the response.
 
     - `lower`, `upper`: bounds of the joint's acceleration [rad/s²].
     """
@@ -274,7 +299,7 @@ def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -
     time = float(t[excess.row])
     limit = f"{excess.allowed:.6g} {unit}"
     source = set_points.rule.sources[excess.order]
-    increase = ", or increase the command limit" if source == USER else ""
+    increase = ", or increase the command limit" if USER in source else ""
     read = set_points.rule.cycle
     if excess.order == ACCELERATION and read is not None and read < cycle:
         source = f"because the controller reads the lines between them every {read * 1e3:g} ms"

@@ -320,7 +320,7 @@ def tabulate(
     if derivatives is None:
         # The derivatives of a curve through set-points can exceed limits of their differences.
         rule = about.get("rule")
-        derivatives = 0 if rule is not None and rule.is_stated else 2
+        derivatives = 0 if rule is not None and rule.has_own_limits else 2
     if arm is not None and arm.dof != dof:
         raise ArmMismatch(
             f"The arm {arm.name} has {arm.dof} joints, but the motion of {name!r} has {dof}."
