@@ -318,7 +318,8 @@ def _warn_of_set_points(result: RunRecord) -> Iterator[str]:
         if cost.contour_max > COSTLY_SHARE * allowed:
             yield (
                 "the limits of the set-points cost much of the contour error of "
-                f"{number(allowed, 'm')} that the path leaves. They change the set-points by {cost}."
+                f"{number(allowed, 'm')} that the path leaves. They change the set-points by "
+                f"{cost}."
             )
     for excess in result.set_point_use.excesses:
         yield describe_excess(excess, set_points)

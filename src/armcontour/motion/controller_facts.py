@@ -40,8 +40,8 @@ class Fact(Checked):
         evidence: "MEASURED" by the source, "READ" in the source, or "UNVERIFIED" if no source
             states it.
         source: The source.
-        sets: Name of the field of `ControllerFacts`, or of the limit, whose value it states; "" for a
-            fact in words.
+        sets: Name of the field of `ControllerFacts`, or of the limit, whose value it states; "" for
+            a fact in words.
     """
 
     text: Sentence

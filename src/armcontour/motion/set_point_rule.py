@@ -21,16 +21,16 @@ from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Limits
 
 # If no limit of the acceleration is known, set-points may accelerate by this multiple of the plan's
-# limit. A user reports that a UR5 stopped at 10 times the accelerations of a planning configuration.
-# Joint 6 of a CRX executed 6.3 times a published planning value.
+# limit. A user reports that a UR5 stopped at 10 times the accelerations of a planning
+# configuration. Joint 6 of a CRX executed 6.3 times a published planning value.
 ASSUMED_FACTOR = 3.0
 # Sources of limits: the plan, the user, the assumption, and none. Other sources are controllers.
 PLAN = "the plan"
 USER = "command_limits"
 ASSUMED = "assumed"
 NONE = ""
-# A set-point is at a limit if it uses more than all but this share of it. Rounding to their decimals
-# keeps the nearest set-points below the limit, at cycles from 1 ms on by less than this share.
+# A set-point is at a limit if it uses more than all but this share of it. At cycles from 1 ms on,
+# rounding to their decimals keeps the nearest set-points below the limit by less than this share.
 AT_LIMIT = 1e-3
 ACCELERATION = BY_ORDER.index("joint_acceleration")
 NO_BOUND = np.array([[-np.inf], [np.inf]])
@@ -135,7 +135,7 @@ class SetPointRule(Frozen):
     @property
     def has_own_limits(self) -> bool:
         """True if the user or a controller limits the set-points, and not only the plan."""
-        limited = np.isfinite(self.bounds).any(axis=(1, 2))
+        limited = [bool(np.isfinite(x).any()) for x in self.bounds]
         used = {x for x, is_used in zip(self.sources, limited, strict=True) if is_used}
         return bool(used - {PLAN, ASSUMED, NONE})
 

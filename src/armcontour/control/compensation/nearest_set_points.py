@@ -160,7 +160,7 @@ def _nearest_between_waits(
     """
     q = set_points.q
     cycle = set_points.cycle
-    # A wait also keeps the set-point that follows it, so that the set-points rest there for a cycle.
+    # A wait also keeps the following set-point, so that the set-points rest there for a cycle.
     waits = {round((x.t - set_points.start_time) / cycle) + 1 for x in set_points.trajectory.waits}
     ends = [0, *sorted(x for x in waits if 0 < x < len(q)), len(q)]
     nearest = q.copy()
