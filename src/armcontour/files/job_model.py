@@ -394,7 +394,7 @@ class JobModel(SharedModel):
     path: PathModel
     process: Process | None = None
     accuracy: Distance | None = None
-    servo: Annotated[ServoModel, Key(hint=ServoKey)] | None = None
+    servo: Annotated[ServoModel | None, Key(hint=ServoKey)] = None
     plant: (
         Annotated[dict[str, Any], PartialFields(ServoModel, null=True, omit=IDENTIFIED)] | None
     ) = None
