@@ -13,6 +13,7 @@ from docs.pages import run_command
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 from tests.files.exports.robot_programs import ENDING, RUN, Robot, tool_poses
+from tests.studio.test_tasks import ask
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -218,3 +219,19 @@ def test_a_stored_result_says_that_its_points_are_not_judged(folder):
     code, printed, _ = run_command(["export", str(folder / "out"), str(folder / "again.src")])
     assert code == 0
     assert "not judged" in " ".join(printed.split())
+
+
+def test_the_studio_has_the_same_distances_and_points():
+    keys = yaml.safe_load(JOB)
+    keys["path"] |= {"points": [[0, 0, 0], [0.04, 0, 0], [0.04, 0.03, 0]]}
+    del keys["path"]["file"]
+    result = ac.run(parse_job(yaml.safe_dump(keys))).runs["one"]
+    rows = {x["name"]: x["value"] for x in ask("figures", keys, "one").header["rows"]}
+    assert rows["between_points.max"] == result.program.between.max
+    assert rows["kept"] is True
+    # The file of a job without exports has the same points.
+    del keys["export"]
+    keys["servo"] = {"kp": "25 1/s", "kv": "150 1/s"}
+    sent = ask("export", keys, "one", format="abb")
+    text = sent.arrays["content"].tobytes().decode()
+    assert text.count("MoveAbsJ") == len(result.program.between.t)

@@ -46,7 +46,7 @@ class ProgramPoints(Frozen):
 def program_points(
     job: Job, run: Run, plan: Trajectory, allowed: float | None
 ) -> ProgramPoints | None:
-    """Choose and measure the points of a job's programs; None if it exports no such program.
+    """Choose and measure the points of a job's programs; None if no such program is sent.
 
     Args:
         job: The job.
@@ -55,7 +55,7 @@ def program_points(
         allowed: Largest allowed contour error [m]; None if the run allows none.
     """
     formats = job.export.programs
-    if not formats:
+    if not formats or job.played_on is not None:
         return None
     automatic = job.export.cycle is None and allowed is not None
     if job.export.cycle is not None:
