@@ -99,9 +99,9 @@ def own_distances(robot, plan):
     tree = cKDTree(path)
     t = np.array(robot.times)
     q = np.array(robot.points)
-    # The robot rests while it waits: the program before and after it are two splines.
-    ends = [k for k in range(1, len(t)) if (q[k] == q[k - 1]).all() and t[k] == t[k - 1]]
-    ends = [0, *ends, len(t) - 1]
+    # The robot rests while it waits: the points before and after it are of two splines.
+    rests = [int(abs(t - x.t).argmin()) for x in robot.actions if x.kind == "wait"]
+    ends = sorted({0, *rests, len(t) - 1})
     lines = []
     splines = []
     for first, last in zip(ends[:-1], ends[1:], strict=True):
@@ -113,13 +113,20 @@ def own_distances(robot, plan):
     return [distance(tool_poses(x, TOOL)[0], path, tree) for x in motions]
 
 
-@pytest.mark.parametrize("seed, kind", [(3, "kuka"), (4, "abb")])
+@pytest.mark.parametrize(
+    "seed, kind, input", [(3, "kuka", None), (4, "abb", None), (5, "kuka", 5), (6, "abb", "diArc")]
+)
 @pytest.mark.parametrize("cycle", ["40 ms", None])
-def test_stated_distances_are_those_of_the_sent_points(tmp_path, seed, kind, cycle):
+def test_stated_distances_are_those_of_the_sent_points(tmp_path, seed, kind, input, cycle):
     (tmp_path / "part.ngc").write_text(gcode(seed))
     export = {"formats": [kind]} | ({} if cycle is None else {"cycle": cycle})
-    code, data, exported = run_job(tmp_path, export)
-    robot = RUN[kind]((exported / f"reference.{ENDING[kind]}").read_text(), Robot())
+    process = yaml.safe_load(JOB)["process"]
+    if input is not None:
+        export["inputs"] = {"arc": input}
+        process["wait"] = {"input": "arc", "within": "1 s", "at": "switched_on"}
+    code, data, exported = run_job(tmp_path, export, process=process)
+    program = (exported / f"reference.{ENDING[kind]}").read_text()
+    robot = RUN[kind](program, Robot(inputs={str(input): lambda _: True}))
     job = ac.read_job(tmp_path / "job.yaml")
     result = ac.run(job).runs["one"]
     lines, spline = own_distances(robot, result.trajectory)

@@ -164,26 +164,28 @@ class Exporting:
             return None
         plan = data.trajectory if isinstance(data, SetPoints) else data
         if plan.arm is None:
+            if tolerance is not None:
+                raise InvalidInput("tolerance requires a plan that contains its arm.")
             return None
         if isinstance(data, SetPoints):
             cycle = data.cycle
-        if cycle is None and tolerance is not None:
-            between = choose_points(plan, tolerance)
-        else:
-            between = measure_between_points(plan, cycle or DEFAULT_CYCLE)
-        if tolerance is not None and between.largest > tolerance:
-            remedy = f"Specify a tolerance of at least {number(between.largest, 'm')}."
-            if cycle is not None:
-                enough = choose_points(plan, tolerance)
-                if enough.largest <= tolerance:
-                    remedy = f"Specify a cycle of {number(enough.interval, 's')}, or none."
-            raise InvalidInput(
-                f"With points every {number(between.interval, 's')}, the tolerance of "
-                f"{number(tolerance, 'm')} is exceeded: {between}. {remedy}",
-                needed=between.largest,
-                allowed=tolerance,
-            )
-        return between
+        if tolerance is None:
+            return measure_between_points(plan, cycle or DEFAULT_CYCLE)
+        chosen = choose_points(plan, tolerance)
+        between = chosen if cycle is None else measure_between_points(plan, cycle)
+        if between.largest <= tolerance:
+            return between
+        remedy = f"Specify a tolerance above {number(between.largest, 'm')}."
+        if chosen.largest <= tolerance:
+            remedy = f"Specify a cycle of {number(chosen.interval, 's')}, or none."
+            if isinstance(data, SetPoints):
+                remedy = "Export the plan without a cycle, such as set_points.trajectory."
+        raise InvalidInput(
+            f"With points every {number(between.interval, 's')}, the tolerance of "
+            f"{number(tolerance, 'm')} is exceeded: {between}. {remedy}",
+            needed=between.largest,
+            allowed=tolerance,
+        )
 
     def of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
         """Prepare a table, which is that of a plan if the controller plans the motion itself.
@@ -296,8 +298,7 @@ def export(
             does not wait for inputs or an input is not named, the template has an error, the format
             does not support the data (a controller that plans the motion itself, as with kuka and
             abb, needs the trajectory), the points are too far apart for the tolerance, set-points
-            exceed a limit of the plan, the user or the
-            controller, or the file cannot be written.
+            exceed a limit of the plan, the user or the controller, or the file cannot be written.
     """
     destination = FilePath(file)
     named = format_of(destination) if format is None else format
