@@ -64,6 +64,7 @@ METHODS |= {
     "explain": "armcontour.planning.explanation",
     "result_as_html": "armcontour.report.notebook",
     "load_arm": "armcontour.files.robots.arm_loading",
+    "program_formats": "armcontour.files.exports.formats",
     "servo_preset": "armcontour.files.servo_presets",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

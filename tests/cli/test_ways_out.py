@@ -174,7 +174,8 @@ def points_of(kind, content):
 @pytest.mark.parametrize("kind", [x for x in ENDINGS if not format_named(x).keeps_times])
 @pytest.mark.parametrize("of", ["compensated", "learned", "certified"])
 def test_a_controller_that_plans_itself_gets_no_changed_set_points(kind, of, result_of, tmp_path):
-    job, result = result_of(kind, "inverse")
+    # Only a job that sends set-points compensates them.
+    _, result = result_of("csv", "inverse")
     file = tmp_path / f"made{ENDINGS[kind]}"
     with pytest.raises(ac.InvalidInput, match="plan"):
         ac.export(result.set_points, file)

@@ -1,4 +1,4 @@
-"""Stops of a pierce are reported as such."""
+"""Stops of a pierce are reported as such, and its height is no lead."""
 
 from tests.geometry.tables import each
 
@@ -29,3 +29,11 @@ def test_the_stop_at_the_end_of_a_pierce_is_named(corners, stops):
     assert result.stops_of_path == {"after the pierce": 1, **stops}
     plain = run(parse_job(text.replace("  pierce: {time: 100 ms, height: 2 mm}\n", "")))
     assert plain.runs["only"].stops_of_path == stops
+
+
+def test_the_length_of_a_lead_is_without_the_pierce_height():
+    lead = "process:\n  lead_in: {length: 3 mm, shape: arc, active: true}"
+    fast = JOB.replace("process:", lead).replace("speed: 50", "speed: 500")
+    (warning,) = [x for x in run(parse_job(fast)).runs["only"].warnings if "lead" in x]
+    assert "3 mm" in warning
+    assert "5 mm" not in warning

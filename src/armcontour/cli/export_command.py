@@ -12,7 +12,7 @@ from armcontour.cli.inputs import naming_options_in_errors, read_patch, refuse_e
 from armcontour.cli.job_options import EXPORTED_POINTS, EXPORTS
 from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
-from armcontour.core.render import figure
+from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun
 from armcontour.files.exports import formats
 from armcontour.files.exports.exporting import SET_POINTS, Exporting
@@ -94,6 +94,12 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
     refuse_existing(file, options.force)
     prepared.write(file)
     lines = [f"Warning: {capitalise(x)}" for x in prepared.warnings]
+    if not format.keeps_times:
+        lines.append(
+            f"Warning: The points are every {number(run.cycle, 's')}. How far the controller may "
+            "leave the path between them is not judged, because a stored result does not contain "
+            f"the arm. armcontour run JOB --export {kind} judges it, and chooses the interval."
+        )
     if run.analog:
         lines.append(
             f"The analog outputs {', '.join(run.analog)} are not exported, because a stored result "

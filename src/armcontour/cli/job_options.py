@@ -285,7 +285,8 @@ EXPORTED_POINTS = Topic(
         JobOption(
             "--cycle",
             "export.cycle",
-            "Time between points of the plan, such as '4 ms'; by default the cycle of the run.",
+            "Time between points of the plan, such as '4 ms'; by default the cycle of the run, and "
+            "for kuka and abb the longest with which the controller stays near the path.",
             read=to_quantity,
         ),
         JobOption(

@@ -17,8 +17,10 @@ def not_part(others: str) -> str:
     return f"Not part of this result: {others}, {no_result}."
 
 
-# The sentences of a plan, a simulation, a certificate, and of logs of a robot.
+# The sentences of a plan, a program whose controller plans the motion between points, a simulation,
+# a certificate, and of logs of a robot.
 OF_PLAN = not_part("lag of the servos")
+OF_PROGRAM = not_part("other motions of the controller between the points, lag of its servos")
 OF_SIMULATION = not_part("servos that differ from the model")
 OF_CERTIFICATE = not_part("friction, load, collisions")
 OF_LOGS = not_part("other motions, loads and temperatures")

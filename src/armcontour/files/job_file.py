@@ -43,7 +43,7 @@ from armcontour.files.scene_file import SceneModel, scene_of
 from armcontour.files.sources import recording_sources
 from armcontour.geometry import Path
 from armcontour.jobs import Exports, Job
-from armcontour.jobs.job import LONGEST_TITLE
+from armcontour.jobs.job import LONGEST_TITLE, required_servo
 from armcontour.program import Program
 from armcontour.robot import Arm, PlanarTwoLink
 from armcontour.robot.scene import Scene
@@ -213,7 +213,9 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         InvalidInput: A value is wrong. The error has its key path.
     """
     path, process = add_process(drawn, model.process, model.path)
-    servo = _servo("servo", model.servo, arm)
+    export = model.export or Exports()
+    nominal = required_servo(model.servo, export)
+    servo = _servo("servo", nominal, arm)
     if model.certificate is not None and model.certificate.run is not None:
         _check_run_name(("certificate", "run"), model.certificate.run, model)
     seed = None if model.seed is None else _joint_positions(model.seed, arm, "seed")
@@ -234,11 +236,11 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
         seed=seed,
         start_from=start,
         servo=servo,
-        plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
+        plant_servo=servo if model.plant is None else _plant(model.plant, nominal, arm),
         runs=tuple(run_of(name, run, model, arm) for name, run in model.runs.items()),
         certificate=model.certificate,
         scene=scene,
-        export=model.export or Exports(),
+        export=export,
         part=part_of(model.path),
     )
 

@@ -376,6 +376,7 @@ class JobModel(SharedModel):
         accuracy: Largest allowed distance of the tool from the drawing [m]. By default corner
             errors may reach their tolerances, and the contour error a tenth of the smallest one.
         servo: The nominal servo: a measured one by its name, such as `ur5e-servoj`, or a mapping.
+            Required, unless all formats of `export` are programs such as kuka and abb.
         plant: Parameters of the real servo that differ from the nominal servo. The key
             `experiment`, not this key, adds a simulation of the rigid bodies.
         experiment: Additional simulation of runs on the rigid bodies of the arm.
@@ -393,7 +394,7 @@ class JobModel(SharedModel):
     path: PathModel
     process: Process | None = None
     accuracy: Distance | None = None
-    servo: Annotated[ServoModel, Key(hint=ServoKey)]
+    servo: Annotated[ServoModel | None, Key(hint=ServoKey)] = None
     plant: (
         Annotated[dict[str, Any], PartialFields(ServoModel, null=True, omit=IDENTIFIED)] | None
     ) = None

@@ -10,8 +10,8 @@ from armcontour.control.compensation import CompensationOptions
 from armcontour.core.errors import InvalidInput, error_context, key_context
 from armcontour.core.text import Keys, key_text
 from armcontour.files.job_model import JobModel, RunModel
-from armcontour.jobs import Rounding, Run
-from armcontour.jobs.job import FIRST_TOLERANCE, default_compensation
+from armcontour.jobs import Exports, Rounding, Run
+from armcontour.jobs.job import FIRST_TOLERANCE, default_compensation, required_servo
 from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, PlanOptions
 from armcontour.robot import Arm, Limits, resolve_limits
@@ -81,7 +81,8 @@ def _limits(name: str, run: RunModel, job: JobModel, arm: Arm) -> Limits:
 
 def _compensation(name: str, run: RunModel, job: JobModel, arm: Arm) -> CompensationOptions:
     """Return the compensation of a run, with the command limits of the job and the run."""
-    options = run.compensation or default_compensation(job.servo, arm, job.experiment)
+    servo = required_servo(job.servo, job.export or Exports())
+    options = run.compensation or default_compensation(servo, arm, job.experiment)
     values = {**job.command_limits, **run.command_limits}
     if not values:
         return options

@@ -17,8 +17,14 @@ from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import digits_and_unit, number
 from armcontour.jobs.command_velocity import set_point_lead
 from armcontour.jobs.job import CURVATURE, TANGENT, Job, Run, default_compensation
+from armcontour.jobs.program_points import choose_points
 from armcontour.jobs.rows import ASSIGNED, weave_speed
-from armcontour.jobs.run_job import compute_set_points, expect_errors, simulate_experiment
+from armcontour.jobs.run_job import (
+    compute_set_points,
+    expect_errors,
+    simulate_experiment,
+    with_program,
+)
 from armcontour.jobs.run_plan import plan_one
 from armcontour.jobs.run_record import Advice, Improvement
 from armcontour.jobs.run_result import JobResult, RunResult
@@ -192,10 +198,11 @@ def _find_smallest(
 def _plan_change(candidate: _Candidate, result: RunResult) -> Improvement | None:
     """Plan and simulate a change; None if that is not possible."""
     try:
-        planned = plan_one(candidate.job, candidate.run)
+        planned = with_program(candidate.job, plan_one(candidate.job, candidate.run))
         set_points = compute_set_points(candidate.job, candidate.run, planned.trajectory)
         planned = replace(planned, set_points=set_points)
-        verdict = planned.judge(_errors(candidate.job, planned))
+        errors = _errors(candidate.job, planned) if planned.sends_set_points else None
+        verdict = planned.worst_verdict(errors)
     except ArmContourError:
         return None
     assert verdict.off_drawing is not None
@@ -373,8 +380,7 @@ def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candi
         return
     new = old * TOLERANCE_FACTOR
     if accuracy is not None:
-        assert result.judged is not None
-        new = min(new, ACCURACY_SHARE * accuracy - 2 * result.judged.contour_error.max)
+        new = min(new, ACCURACY_SHARE * accuracy - 2 * _contour_error(result))
     if new > old * (1 + MIN_SAVING):
         yield _change_tolerance(job, result.run, _rounded(new), share / 5)
 
@@ -409,13 +415,13 @@ def _change_reserve(job: Job, run: Run, new: float, expected_saving: float = 0.0
 def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     """Yield groups of changes that may repair a run; of each, the first successful one counts."""
     run = result.run
-    judged = result.judged
-    if run.accuracy is not None and result.tolerance is not None and judged is not None:
-        tolerance = ACCURACY_SHARE * run.accuracy - 2 * judged.contour_error.max
+    if run.accuracy is not None and result.tolerance is not None:
+        tolerance = ACCURACY_SHARE * run.accuracy - 2 * _contour_error(result)
         if 0 < tolerance < result.tolerance:
             yield [_change_tolerance(job, run, _rounded(tolerance))]
+    yield from _nearer_points(job, result)
     inverse = default_compensation(job.servo, job.arm, run.experiment)
-    if run.compensation.method != inverse.method:
+    if run.compensation.method != inverse.method and result.sends_set_points:
         limits = run.compensation.command_limits
         changed = replace(run, compensation=replace(inverse, command_limits=limits))
         label = f"Compensate the servo by {inverse.method}"
@@ -442,6 +448,30 @@ def _repairs(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     # Plans with limits of jerk take longest, so they are the last ones.
     if costly and (with_jerk := [*_limited_jerk(job, result)]):
         yield with_jerk
+
+
+def _contour_error(result: RunResult) -> float:
+    """Return the largest contour error of the executions that judge a run [m]."""
+    judged = result.judged
+    return max(result.verdict.errors.values()) if judged is None else judged.contour_error.max
+
+
+def _nearer_points(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
+    """Yield a change of the specified interval of a program's points, if it is too long."""
+    allowed = result.verdict.allowed
+    old = job.export.cycle
+    if result.program is None or old is None or allowed is None:
+        return
+    new = choose_points(result.trajectory, allowed)
+    if new.interval < old and new.largest <= allowed:
+        yield [
+            _Candidate(
+                label=f"Shorten the interval of points {_describe_change(old, new.interval, 's')}",
+                edits=(("export.cycle", new.interval),),
+                job=replace(job, export=replace(job.export, cycle=new.interval)),
+                run=result.run,
+            )
+        ]
 
 
 def _costs_too_much(result: RunResult) -> bool:

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from armcontour.control.compensation import INVERSE, CompensationOptions, InverseDynamics
+from armcontour.control.compensation import (
+    INVERSE,
+    CompensationOptions,
+    InverseDynamics,
+    NoCompensation,
+)
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, error_context
@@ -91,7 +96,9 @@ class Exports(Checked):
             format, such as `{clamp: {kuka: 5, abb: diClamp}}`.
         tolerances: With ros-yaml, the tolerances in a FollowJointTrajectory goal, as a multiple of
             the predicted joint errors, at least 1; by default no goal is written.
-        cycle: Time between points of the plan [s]; by default the cycle of the run.
+        cycle: Time between points of the plan [s]; by default the cycle of the run. For programs
+            such as kuka and abb, by default the longest interval with which the controller stays
+            within the allowed contour error between the points.
         derivatives: Highest derivative of the positions: 2, 1 or 0; by default 2, or 0 for
             compensated set-points with limits of the user or a controller.
         points: With ros-yaml, largest number of points.
@@ -123,6 +130,17 @@ class Exports(Checked):
             )
         if self.formats or self.outputs or self.inputs:
             load_method("check_formats")(self)
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Formats whose controllers plan the motion between the points, such as kuka and abb."""
+        return tuple(load_method("program_formats")(self))
+
+    @property
+    def only_programs(self) -> bool:
+        """True if there are formats, and all of them are such programs."""
+        programs = self.programs
+        return bool(programs) and len(programs) == len(self.formats)
 
     def outputs_for(self, format: str) -> dict[str, int | str]:
         """Map events and analog outputs to their outputs in a format.
@@ -191,6 +209,23 @@ def default_compensation(
     if experiment is None or not arm.has_bodies or not servo.is_plain("second"):
         return INVERSE
     return InverseDynamics()
+
+
+def required_servo(servo: ServoModel | None, export: Exports) -> ServoModel:
+    """Return the servo of a job, which may be missing if the job exports only programs.
+
+    Raises:
+        InvalidInput: The servo is missing.
+    """
+    if servo is not None:
+        return servo
+    if export.only_programs:
+        return ServoModel(order="unknown")
+    raise InvalidInput(
+        "the key servo is missing. Only a job whose exports are all programs of a controller that "
+        "plans the motion itself, such as formats: [kuka], needs no servo.",
+        key=("servo",),
+    )
 
 
 def build_plant(
@@ -452,7 +487,8 @@ class Job(Checked):
         start_from: Taught joint positions [rad], (dof,), from which the motion begins with a rapid
             in joint space. The first contour has their configuration. None begins the motion at the
             first contour.
-        servo: The servo's nominal model, which compensation uses.
+        servo: The servo's nominal model, which compensation uses. A job that exports only programs
+            such as kuka and abb needs none.
         plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
@@ -464,18 +500,18 @@ class Job(Checked):
         played_on: Controller that plays the job, whose limits its set-points keep, too.
 
     Raises:
-        InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
-            a seed or start for another number of joints, a start outside of the joint ranges or
-            together with a seed, a configuration or an end time, gains too large for a cycle, a
-            speed so low that the motion is endless, an analog output that needs a speed, or a
-            process that the program cannot have.
+        InvalidInput: No run, no servo although set-points are sent, two runs of the same name, a
+            name that is too long or not printable, a seed or start for another number of joints, a
+            start outside of the joint ranges or together with a seed, a configuration or an end
+            time, gains too large for a cycle, a speed so low that the motion is endless, an analog
+            output that needs a speed, or a process that the program cannot have.
     """
 
     name: Name
     title: Annotated[str, Named(LONGEST_TITLE)] = ""
     arm: Arm
     path: Path | Program
-    servo: ServoModel
+    servo: ServoModel = None  # type: ignore[assignment]
     plant_servo: ServoModel = None  # type: ignore[assignment]
     runs: tuple[Run, ...]
     configuration: str | None = None
@@ -499,6 +535,21 @@ class Job(Checked):
         known = [*(facts_of_format(x) for x in self.export.formats), self.played_on]
         return tuple(x for x in known if x is not None)
 
+    @property
+    def only_programs(self) -> bool:
+        """True if controllers get only programs between whose points they plan the motion."""
+        return self.played_on is None and self.export.only_programs
+
+    def as_sent(self, run: Run) -> Run:
+        """Return a run without compensation and experiment if controllers get only programs.
+
+        Args:
+            run: The run.
+        """
+        if not self.only_programs:
+            return run
+        return replace(run, compensation=NoCompensation(), experiment=None)
+
     def rule(self, run: Run, limits: Limits) -> SetPointRule:
         """Return the limits of a run's set-points: of the plan, the user and all controllers.
 
@@ -512,6 +563,7 @@ class Job(Checked):
         """Complete the title and the plant's servo, then check the fields."""
         if isinstance(self.title, str) and not self.title:
             object.__setattr__(self, "title", self.name)
+        object.__setattr__(self, "servo", required_servo(self.servo, self.export))
         if self.plant_servo is None:
             object.__setattr__(self, "plant_servo", self.servo)
         Checked.__post_init__(self)
@@ -522,8 +574,9 @@ class Job(Checked):
         object.__setattr__(self, "program", program)
         for run in self.runs:
             with error_context(f"Run {run.name}"):
-                self.servo.check_gains(run.cycle)
-                self.plant_servo.check_gains(run.cycle)
+                if not self.only_programs:
+                    self.servo.check_gains(run.cycle)
+                    self.plant_servo.check_gains(run.cycle)
                 check_duration(program, run.limits)
                 run.check_end_time(program)
                 check_analog(program, self.process, run.limits)

@@ -14,7 +14,7 @@ from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain, units_by_name
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, joint_label, list_some
-from armcontour.core.validity import AS_MODELLED, OF_PLAN, OF_SIMULATION
+from armcontour.core.validity import AS_MODELLED, OF_PLAN, OF_PROGRAM, OF_SIMULATION
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.geometry.shaped_path import SHAPED
 from armcontour.jobs.job import Job, Run
@@ -23,7 +23,7 @@ from armcontour.jobs.plan_quantities import (
     largest_lean,
     largest_tilt,
 )
-from armcontour.jobs.run_record import RunRecord
+from armcontour.jobs.run_record import PROGRAMS, SET_POINTS, RunRecord
 from armcontour.jobs.verdict import BODIES, SERVO, Deviation, Verdict
 from armcontour.motion import Execution, Servoj
 from armcontour.motion.set_point_rule import ASSUMED, SetPointUse
@@ -112,6 +112,7 @@ def run_data(
         f"Run {result.run.name}",
         (
             *verdict_rows(result, result.verdict),
+            *_program_rows(result),
             *warning_rows(warnings),
             *_execution_rows(result),
             *_set_points(result),
@@ -121,8 +122,51 @@ def run_data(
         parts,
         notes=remarks,
         warnings=warnings,
-        not_proven=OF_PLAN if result.execution is None else OF_SIMULATION,
+        not_proven=_not_proven(result),
     )
+
+
+def _not_proven(result: RunRecord) -> str:
+    """Return the sentence on what a run does not prove."""
+    if not result.sends_set_points:
+        return OF_PROGRAM
+    return OF_PLAN if result.execution is None else OF_SIMULATION
+
+
+def _program_rows(result: RunRecord) -> Iterator[Row]:
+    """Yield how far controllers may leave the path between the points of programs."""
+    program = result.program
+    if program is None:
+        return
+    verdicts = result.verdicts(result.errors)
+    if len(verdicts) > 1:
+        for name, label in ((SET_POINTS, SET_POINTS), (PROGRAMS, list_some(program.formats, 4))):
+            verdict = verdicts[name]
+            reason = reason_of(result.run, verdict)
+            key = f"kept_{name.replace('-', '_')}"
+            yield Row(key, verdict.kept, JUDGED, f"verdict of {label}", reason, VERDICT)
+    between = program.between
+    largest = {
+        "straight lines": between.lines.max(),
+        "spline": between.spline.max(),
+        "path missed": between.missed.max(),
+    }
+    note = ", ".join(f"{name} {number(float(x), 'm')}" for name, x in largest.items())
+    allowed = result.verdict.allowed
+    if allowed is not None:
+        note += f" of {number(allowed, 'm')} allowed"
+    note += f"; t = {between.t_max:.3f} s"
+    yield Row("between_points.max", between.max, "m", "between points, largest", note, VERDICT)
+    for key in ("lines", "spline", "missed"):
+        yield Row(f"between_points.{key}", float(getattr(between, key).max()), "m")
+    yield Row("between_points.t_max", between.t_max, "s")
+    count = count_noun(len(between.t), "point")
+    chosen = "from the allowed contour error" if program.automatic else "as specified"
+    if not program.automatic and allowed is None:
+        chosen = ""
+    note = ", ".join(filter(None, [count, chosen]))
+    yield Row("between_points.interval", between.interval, "s", "interval of points", note, VERDICT)
+    yield Row("between_points.formats", program.formats)
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:
@@ -433,6 +477,10 @@ SHARES = {1: "joint_velocity", 2: "joint_acceleration"}
 def _set_points(result: RunRecord) -> Iterator[Row]:
     """Yield how set-points and command limits change the error."""
     set_points = result.set_points
+    if not result.sends_set_points:
+        # An export of the stored result needs them.
+        yield Row("set_point_rule", result.set_point_use.rule.data())
+        return
     if result.servo is None and result.execution is None:
         # Set-points are not reported, because joints without a servo follow the plan exactly.
         return
@@ -487,7 +535,7 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     path = result.path
     yield Row("length", path.length, "m", "path")
     if path.single_path is None:
-        yield from _program_rows(result)
+        yield from _contour_rows(result)
     if result.rounding_error is not None:
         yield Row("corner_error", result.rounding_error, "m")
     if result.smoothing_error:
@@ -524,7 +572,7 @@ def _plan(result: RunRecord, job: Job | None) -> Iterator[Row]:
     yield from shaping_rows(path)
 
 
-def _program_rows(result: RunRecord) -> Iterator[Row]:
+def _contour_rows(result: RunRecord) -> Iterator[Row]:
     """Yield lengths and times of a program, with the process on and off."""
     spans = result.trajectory.spans
     path = result.path

@@ -18,6 +18,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.command_velocity import command_velocity, exceeded_command_velocity
 from armcontour.jobs.job import Experiment, Job, Run, build_plant
+from armcontour.jobs.program_points import program_points
 from armcontour.jobs.run_notes import sample_rates
 from armcontour.jobs.run_plan import ROUNDING_STEP, explain_plan, explained_reach, plan_one
 from armcontour.jobs.run_record import ExpectedErrors, ExperimentResult
@@ -68,11 +69,9 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     for each in job.runs:
         report = subprogress(progress, each.name)
         with error_context(f"Run {each.name}"):
-            planned = _plan(job, each, list(done.values()), report)
-            result = _add_set_points(job, planned, report)
-            if simulate:
-                result = _simulate(job, result, plants.get(each.name), report)
-            done[each.name] = result
+            planned = _plan(job, job.as_sent(each), list(done.values()), report)
+            plant = plants.get(each.name)
+            done[each.name] = _execute(job, planned, plant, report, simulate=simulate)
     return JobResult(job=job, runs=MappingProxyType(done))
 
 
@@ -87,16 +86,42 @@ def complete_run(job: Job, unchecked: RunResult, progress: Progress | None = Non
     report = subprogress(progress, run.name)
     with error_context(f"Run {run.name}"):
         with explained_reach(job):
-            planned = plan_one(job, run, report, unchecked=unchecked)
-        result = _add_set_points(job, planned, report)
-        return _simulate(job, result, plants.get(run.name), report)
+            planned = plan_one(job, job.as_sent(run), report, unchecked=unchecked)
+        return _execute(job, planned, plants.get(run.name), report)
 
 
-def _add_set_points(job: Job, planned: RunResult, progress: Progress) -> RunResult:
-    """Add the set-points to the plan of a run."""
+def _execute(
+    job: Job,
+    planned: RunResult,
+    plant: RigidBodyPlant | None,
+    progress: Progress,
+    *,
+    simulate: bool = True,
+) -> RunResult:
+    """Add what is sent to controllers to the plan of a run, and what they execute.
+
+    Only set-points are simulated. Controllers of programs have no servo that could be simulated.
+
+    - `plant`: simulated robot of the experiment; None without one.
+    - `simulate`: whether set-points are simulated.
+    """
+    planned = with_program(job, planned)
     progress(Step(("compensation",)))
     set_points = compute_set_points(job, planned.run, planned.trajectory)
-    return replace(planned, set_points=set_points, servo=job.servo)
+    if planned.sends_set_points:
+        result = replace(planned, set_points=set_points, servo=job.servo)
+        return _simulate(job, result, plant, progress) if simulate else result
+    explanation = planned.explanation
+    if simulate and explanation is None:
+        explanation = explain_plan(job, planned, progress)
+    return replace(planned, set_points=set_points, explanation=explanation)
+
+
+def with_program(job: Job, planned: RunResult) -> RunResult:
+    """Return the plan of a run with the points of the job's programs."""
+    unsent = replace(planned, program=None)
+    program = program_points(job, planned.run, planned.trajectory, unsent.verdict.allowed)
+    return replace(planned, program=program)
 
 
 def _plan(job: Job, run: Run, done: Sequence[RunResult], progress: Progress) -> RunResult:
@@ -121,7 +146,7 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """Build the simulated robots of the experiments, by name of the run."""
     # All runs are checked before the first one is planned, because planning can take minutes.
     plants = {}
-    for run in job.runs:
+    for run in map(job.as_sent, job.runs):
         with error_context(f"Run {run.name}"):
             (run.shaping or run.timing).check_jerk(run.limits)
             if simulate and run.experiment is not None:

@@ -15,7 +15,7 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import JerkStop
-from armcontour.jobs.rows import shaping_rows
+from armcontour.jobs.rows import pierce_length, shaping_rows
 from armcontour.jobs.run_record import RunRecord
 from armcontour.motion import Execution, Trajectory
 from armcontour.motion.execution import describe_excess
@@ -69,7 +69,7 @@ def warnings(result: RunRecord) -> Iterator[str | None]:
             f"motion, {number(trajectory.duration, 's')}. A number without a unit is in seconds; "
             "for milliseconds, write cycle: 4 ms."
         )
-    if result.set_points is not None:
+    if result.set_points is not None and result.sends_set_points:
         yield from _warn_of_set_points(result)
     if result.servo is not None:
         yield beyond_logs(result.servo, trajectory)
@@ -254,8 +254,9 @@ def _warn_of_slow_leads(result: RunRecord) -> str:
         if motion is None:
             continue
         begin, end = contour.work or (0.0, path.length)
+        # The move from the pierce height is no lead.
         for word, s, lead, side in (
-            ("begins", begin, begin, "right"),
+            ("begins", begin, begin - pierce_length(contour), "right"),
             ("ends", end, path.length - end, "left"),
         ):
             if lead <= REPEATED_POINT:

@@ -22,11 +22,14 @@ from armcontour.jobs.plan_quantities import (
     stops_of_path,
     weavings,
 )
+from armcontour.jobs.program_points import ProgramPoints
 from armcontour.jobs.resumed_configuration import Resumption
 from armcontour.jobs.verdict import (
+    BETWEEN_POINTS,
     BODIES,
     EXPECTED,
     SERVO,
+    VERDICT_ROUNDING,
     Deviation,
     Errors,
     Verdict,
@@ -44,6 +47,10 @@ from armcontour.simulation import RigidBodyPlant
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.unknown_gains import UnknownGains
+
+# What is sent to controllers, and judged.
+SET_POINTS = "set-points"
+PROGRAMS = "programs"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,6 +181,7 @@ class RunRecord:
     advice: Advice | None = None
     resumption: Resumption | None = None
     command_velocity: CommandVelocity | None = None
+    program: ProgramPoints | None = None
 
     @classmethod
     def from_plan(cls, planned: RunRecord, **changes: Any) -> Self:
@@ -186,14 +194,51 @@ class RunRecord:
 
         Set-points must stay within the joint ranges and joint velocities, and the simulated robot
         must keep the clearance. If several executions judge the run, the worse one counts.
-        None without a simulation, and without an accuracy and a tolerance.
+        Programs whose controllers plan the motion between the points are judged without a
+        simulation. None without an execution, and without an accuracy and a tolerance.
         """
         return self.verdict.kept
 
     @cached_property
     def verdict(self) -> Verdict:
-        """The verdict on the run."""
-        return self.judge(self.errors)
+        """The verdict on the run: the worse one of set-points and programs."""
+        return self.worst_verdict(self.errors)
+
+    def worst_verdict(self, errors: Mapping[str, Errors] | None) -> Verdict:
+        """Return the worse verdict of set-points and programs, for other simulated errors."""
+        order = [False, None, True]
+        return min(self.verdicts(errors).values(), key=lambda x: order.index(x.kept))
+
+    def verdicts(self, errors: Mapping[str, Errors] | None) -> dict[str, Verdict]:
+        """Return the verdicts on what is sent: set-points, programs or both, by name.
+
+        - `errors`: simulated errors of the set-points; None without an execution.
+        """
+        verdicts = dict[str, Verdict]()
+        if self.sends_set_points:
+            verdicts[SET_POINTS] = self.judge(errors)
+        if self.program is not None:
+            verdicts[PROGRAMS] = self._judge_program(self.program)
+        return verdicts
+
+    @property
+    def sends_set_points(self) -> bool:
+        """False if controllers get only programs between whose points they plan the motion."""
+        return self.program is None or not self.program.only
+
+    def _judge_program(self, program: ProgramPoints) -> Verdict:
+        """Judge a program by what its controller may do between the points."""
+        spans = self.trajectory.spans
+        between = program.between
+        contours = [between.largest_within(*x.t) for x in self.trajectory.contour_spans]
+        rapids = [between.largest_within(*x.t) for x in spans if x.kind != "contour"]
+        largest = max(rapids, default=0.0)
+        errors = {BETWEEN_POINTS: Errors(contour=contours)}
+        verdict = judge(self.run, self.deviations, errors)
+        if verdict.allowed is None or largest <= verdict.allowed * (1 + VERDICT_ROUNDING):
+            return verdict
+        clause = f"between the points, rapids may be missed by {number(largest, 'm')}"
+        return judge(self.run, self.deviations, errors, violations=(clause,))
 
     def judge(self, errors: Mapping[str, Errors] | None) -> Verdict:
         """Return the verdict on other simulated errors of this plan; None without an execution."""
@@ -209,7 +254,7 @@ class RunRecord:
     def violations(self) -> tuple[str, ...]:
         """Limits that the set-points or the simulated robot violate, as clauses."""
         found = list[str]()
-        if self.set_points is not None:
+        if self.set_points is not None and self.sends_set_points:
             for excess in self.set_point_use.excesses:
                 if not excess.is_assumed:
                     label = joint_label(excess.joint + 1, self.arm.joint_names)

@@ -52,6 +52,9 @@ class RunResult(RunRecord, Result, Pictured):
         resumption: Configuration in which a resumed job begins; None if it is not resumed.
         command_velocity: Constraint of the set-point velocity with which the motion was planned;
             None if a plan without it does not exceed it.
+        program: Points of the programs whose controllers plan the motion between them, such as kuka
+            and abb; None if the job exports none. If a job exports only such programs, the run has
+            neither compensation nor simulation, and the set-points are those of the plan.
     """
 
     def to_data(self) -> Data:

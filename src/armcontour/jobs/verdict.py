@@ -20,6 +20,8 @@ T = TypeVar("T")
 SERVO = "servo"
 BODIES = "rigid bodies"
 EXPECTED = "expected"
+# Name of the motions that a controller may execute between the points of a program.
+BETWEEN_POINTS = "between points"
 Requirement: TypeAlias = Literal["", "motion", "corners", "accuracy", "contour error", "limits"]
 # Default contour error that a run allows, as a fraction of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1

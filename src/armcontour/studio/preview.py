@@ -145,7 +145,9 @@ class CoarsePlanner:
         return remembering(self._memory)
 
     def may_execute(self, planned: Preview) -> bool:
-        """Return whether the motion is short enough to be simulated within seconds."""
+        """Return whether a servo executes the motion, and it is simulated within seconds."""
+        if planned.job.only_programs:
+            return False
         return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:

@@ -70,7 +70,8 @@ def resting(input="clamp", *, rest=0.1, t=0.04, moves=0.0, count=60):
 @pytest.mark.parametrize("kind", list(READS))
 def test_programs_wait_for_the_named_inputs_of_a_job_file_and_in_python(tmp_path, kind):
     file = tmp_path / "job.yaml"
-    file.write_text(yaml.safe_dump({**JOB, "export": {"formats": [kind], "inputs": INPUTS}}))
+    export = {"formats": [kind], "inputs": INPUTS, "cycle": JOB["cycle"]}
+    file.write_text(yaml.safe_dump({**JOB, "export": export}))
     code, printed, _ = run_command(["run", str(file), "--out", str(tmp_path / "out")])
     assert code == 0
     assert "clamp, arc" in " ".join(printed.split())

@@ -86,6 +86,8 @@ class SetPointTable(Checked):
         name: Name of the program, one line of text.
         origin: When and of what the table was made, one line of text for a comment; empty: none.
         servo: The servo that the set-points compensate, one line of text; empty: none.
+        between: How far a controller that plans the motion between the points may leave the path,
+            one line of text; empty: unknown, or the controller follows the times of the points.
         joint_names: Names of the joints.
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
         external: Indices of external axes; by default of the prismatic joints.
@@ -122,6 +124,7 @@ class SetPointTable(Checked):
     external: tuple[int, ...] = ()
     origin: str = ""
     servo: str = ""
+    between: str = ""
 
     def _check_together(self) -> None:
         """Complete the defaults, and check that the fields fit together."""
@@ -170,7 +173,11 @@ class SetPointTable(Checked):
             if kind != "name":
                 # The name of the table is by default that of a file, which may be longer.
                 checks.check_name(kind, text)
-        for kind, text in (("origin", self.origin), ("servo", self.servo)):
+        for kind, text in (
+            ("origin", self.origin),
+            ("servo", self.servo),
+            ("between", self.between),
+        ):
             if not isinstance(text, str) or not text.isprintable():
                 raise InvalidInput(f"The {kind} must be one line of text, but is {text!r}.")
         repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}

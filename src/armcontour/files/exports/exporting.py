@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.quantities import joint_units
+from armcontour.core.quantities import Distance, joint_units
+from armcontour.core.render import number
 from armcontour.core.text import capitalise
 from armcontour.files.exports.export_table import (
     REFERENCE,
@@ -31,11 +32,13 @@ from armcontour.files.exports.formats import (
     write_destination,
 )
 from armcontour.jobs import Job, RunResult, analog_outputs
-from armcontour.motion import SetPoints, Trajectory
+from armcontour.jobs.program_points import choose_points
+from armcontour.motion import DEFAULT_CYCLE, SetPoints, Trajectory
 from armcontour.motion.controller_facts import facts_of_format
 from armcontour.motion.set_point_rule import SetPointExcess, SetPointRule
 from armcontour.robot import Arm
 from armcontour.robot.limits import LIMITS
+from armcontour.verification.between_points import BetweenPoints, measure_between_points
 
 # Label of exported set-points; that of the exported plan is REFERENCE.
 SET_POINTS = "set_points"
@@ -89,8 +92,12 @@ class Exporting:
         - `cycle`: Cycle of a plan [s], by default that of the job's exports.
         """
         format = self.format.of_run(job.export, result, data, job.arm)
+        between = None
         if isinstance(data, Trajectory):
             requested = None if format.needs_cycle_of_run else job.export.cycle
+            if not format.keeps_times and result.program is not None:
+                between = result.program.between
+                requested = between.interval
             cycle = cycle or requested or result.run.cycle
         return Exporting(format).of_motion(
             data,
@@ -100,6 +107,7 @@ class Exporting:
             arm=job.arm,
             derivatives=job.export.derivatives,
             analog=analog_outputs(result.path, result.trajectory, job.process, result.run.limits),
+            between=between,
         )
 
     def of_motion(
@@ -113,10 +121,19 @@ class Exporting:
         derivatives: int | None = None,
         analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
         origin: str = "",
+        tolerance: float | None = None,
+        between: BetweenPoints | None = None,
     ) -> Prepared:
-        """Prepare a motion; arguments as in `make_table`."""
+        """Prepare a motion; arguments as in `make_table` and `export`.
+
+        - `between`: what `measure_between_points` returns for the plan and an interval, if known.
+        """
         if isinstance(data, SetPoints):
             self.check_compensation(name, equals_plan(data.q, data.trajectory.with_rests(data.t)))
+        if between is None or between.interval != cycle:
+            between = self._measure_between(data, cycle, tolerance)
+        if between is not None and isinstance(data, Trajectory):
+            cycle = between.interval
         table = make_table(
             data,
             name=name,
@@ -127,7 +144,48 @@ class Exporting:
             analog=analog,
             origin=origin,
         )
+        if between is not None:
+            table = replace(table, between=str(between))
         return self.of_table(table, repr(name))
+
+    def _measure_between(
+        self, data: SetPoints | Trajectory, cycle: float | None, tolerance: float | None
+    ) -> BetweenPoints | None:
+        """Measure how far the controller may leave the path between the points of a program.
+
+        None for a controller that executes each point at its time, and without an arm.
+        """
+        if self.format.keeps_times:
+            if tolerance is not None:
+                raise InvalidInput(
+                    f"tolerance has no effect, because a controller of the format "
+                    f"{self.format.label} executes each point at its time. Remove tolerance."
+                )
+            return None
+        plan = data.trajectory if isinstance(data, SetPoints) else data
+        if plan.arm is None:
+            if tolerance is not None:
+                raise InvalidInput("tolerance requires a plan that contains its arm.")
+            return None
+        if isinstance(data, SetPoints):
+            cycle = data.cycle
+        if tolerance is None:
+            return measure_between_points(plan, cycle or DEFAULT_CYCLE)
+        chosen = choose_points(plan, tolerance)
+        between = chosen if cycle is None else measure_between_points(plan, cycle)
+        if between.largest <= tolerance:
+            return between
+        remedy = f"Specify a tolerance above {number(between.largest, 'm')}."
+        if chosen.largest <= tolerance:
+            remedy = f"Specify a cycle of {number(chosen.interval, 's')}, or none."
+            if isinstance(data, SetPoints):
+                remedy = "Export the plan without a cycle, such as set_points.trajectory."
+        raise InvalidInput(
+            f"With points every {number(between.interval, 's')}, the tolerance of "
+            f"{number(tolerance, 'm')} is exceeded: {between}. {remedy}",
+            needed=between.largest,
+            allowed=tolerance,
+        )
 
     def of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
         """Prepare a table, which is that of a plan if the controller plans the motion itself.
@@ -208,6 +266,7 @@ def export(
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
     cycle: float | None = None,
+    tolerance: Distance | None = None,
 ) -> None:
     """Write set-points or a trajectory to a file.
 
@@ -225,6 +284,9 @@ def export(
         arm: The arm, which gives the joint names.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
         cycle: Sampling cycle of a trajectory [s], 4 ms by default; set-points have their own.
+        tolerance: For a controller that plans the motion between the points, as with kuka and abb:
+            largest distance between the path and the motion, with straight lines and with a spline
+            between the points [m]. By default, `cycle` is the longest that keeps it.
 
     Warns:
         UserWarning: A URScript program, or a program of the template kuka or abb, does not switch
@@ -235,8 +297,8 @@ def export(
         InvalidInput: No format has the extension, an output belongs to an unknown event, the format
             does not wait for inputs or an input is not named, the template has an error, the format
             does not support the data (a controller that plans the motion itself, as with kuka and
-            abb, needs the trajectory), set-points exceed a limit of the plan, the user or the
-            controller, or the file cannot be written.
+            abb, needs the trajectory), the points are too far apart for the tolerance, set-points
+            exceed a limit of the plan, the user or the controller, or the file cannot be written.
     """
     destination = FilePath(file)
     named = format_of(destination) if format is None else format
@@ -251,6 +313,7 @@ def export(
         # Some formats have no such options.
         derivatives=getattr(chosen, "derivatives", 0),
         analog=getattr(chosen, "analog", None),
+        tolerance=tolerance,
     )
     # Warnings come before writing, so that nothing is written if warnings are errors.
     for sentence in prepared.warnings:

@@ -451,6 +451,15 @@ def format_named(name: str, options: Exports | None = None) -> ExportFormat:
     return replace(format, **values)
 
 
+def program_formats(exports: Exports) -> tuple[str, ...]:
+    """Return the formats of a job's exports whose controllers plan the motion between the points.
+
+    Raises:
+        InvalidInput: A template cannot be read, or does not state `keeps_times`.
+    """
+    return tuple(x for x in exports.formats if not format_named(x).keeps_times)
+
+
 def _options_of(kind: type[ExportFormat | Exports]) -> set[str]:
     """Return the names of the options of a format, or of the keys of `export`."""
     return {x.name for x in fields(kind)}

@@ -284,6 +284,7 @@ def _variables(
         "name": table.name,
         "origin": table.origin,
         "servo": table.servo,
+        "between": table.between,
         "file": file,
         "joint_names": table.joint_names,
         "arm_joints": tuple(x for k, x in enumerate(table.joint_names) if k not in table.external),

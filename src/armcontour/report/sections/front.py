@@ -27,7 +27,7 @@ def front(job_result: JobResult) -> Front:
     header, *rows = compare(job_result.figures, VERDICT, texts=True)
     drawing = draw_plan(result, job_result.job)
     return Front(
-        verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(job_result, data),
+        verdict=("" if alone else f"Run {name}: ") + _verdict_sentence(result, data),
         good=result.kept,
         tiles=tiles(data, places=drawing.places) if alone else (),
         tables=() if alone else (TextTable(header=header, rows=tuple(rows)),),
@@ -49,9 +49,9 @@ def _shown(job_result: JobResult) -> str:
     return min(candidates, key=lambda x: runs[x].trajectory.duration)
 
 
-def _verdict_sentence(job_result: JobResult, data: Data) -> str:
+def _verdict_sentence(result: RunResult, data: Data) -> str:
     """Compare the deviation from the drawing with the required accuracy, in one sentence."""
-    if not job_result.simulated:
+    if result.verdict.off_drawing is None:
         return "This report has no errors, because only the plan was computed."
     deviation = data["off_drawing"]
     verdict = data["kept"]
@@ -89,6 +89,11 @@ def _sentences(job_result: JobResult, result: RunResult) -> Iterator[tuple[str, 
 def _assumed(job_result: JobResult) -> str:
     """Return the state the assumptions on which the values are based, in one sentence."""
     if not job_result.simulated:
+        if any(x.program is not None for x in job_result.runs.values()):
+            return (
+                "Controllers of the programs move in straight lines in joint space or along a "
+                "cubic spline of the joints between the points, and have no lag."
+            )
         return "Joints follow the plan exactly."
     servo = job_result.job.plant_servo
     if servo.order == "unknown":

@@ -157,7 +157,7 @@ def export(request: Request) -> MessageFrame:
         # The file name of a KRL program is its identifier.
         words = " ".join(names)
         stem = identifier(words if words[:1].isalpha() else f"p {words}", MAX_LETTERS)
-    cycle = request.option("cycle", run.cycle) if source == PLANNED else None
+    cycle = request.option("cycle", None) if source == PLANNED else None
     # The motion is planned only if it can be exported.
     is_plan = source == PLANNED or (source == PLAIN and not run.compensation.compensates)
     Exporting(format).check_compensation(stem, is_plan)
@@ -171,7 +171,7 @@ def export(request: Request) -> MessageFrame:
         # The simulation is of other set-points.
         plan = replace(learned_run.plan, set_points=learned_run.lesson, execution=None)
     else:
-        plan = _exported_run(request, kind)
+        plan = _exported_run(request, kind, cycle)
     request.progress(Step(("writing",)))
     data = plan.trajectory if source == PLANNED else plan.set_points
     prepared = Exporting(format).of_run(
@@ -186,8 +186,11 @@ def export(request: Request) -> MessageFrame:
     if format.program is not None:
         missing = [x for x in switches if x not in outputs_of(format)]
         changes = [_name_output(job, x, kind, format.program.output) for x in missing]
+    sentence = f"{len(plan.set_points.q)} set-points."
+    if prepared.table.between:
+        sentence = f"{len(prepared.table.t)} points; {prepared.table.between}."
     header = {
-        "sentence": f"{len(plan.set_points.q)} set-points.",
+        "sentence": sentence,
         "changes": changes,
         "warnings": (
             *plan.warnings,
@@ -197,13 +200,17 @@ def export(request: Request) -> MessageFrame:
     return MessageFrame.of_file(file.name, content, header)
 
 
-def _exported_run(request: Request, kind: str) -> RunResult:
-    """Return the run with set-points within the limits of the controller of a format."""
+def _exported_run(request: Request, kind: str, cycle: float | None) -> RunResult:
+    """Return the run with set-points within the limits of the controller of a format.
+
+    `cycle`: requested time between the points of a plan [s]; None for that of the job.
+    """
     from armcontour.jobs import run
 
     job = request.job
     formats = dict.fromkeys((*job.export.formats, kind))
-    job = replace(job, export=replace(job.export, formats=tuple(formats)))
+    exports = replace(job.export, formats=tuple(formats), cycle=cycle or job.export.cycle)
+    job = replace(job, export=exports)
     # Tolerances of a goal are predicted from the simulation.
     simulate = job.export.tolerances is not None
     (result,) = run(job, simulate=simulate, progress=request.progress).runs.values()
