@@ -15,7 +15,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.render import figure, number
 from armcontour.core.text import capitalise, count_noun
 from armcontour.files.exports import formats
-from armcontour.files.exports.exporting import SET_POINTS, Exporting
+from armcontour.files.exports.exporting import SET_POINTS, Exporter
 from armcontour.files.file_keys import read_keys
 from armcontour.jobs import Job, RunResult
 from armcontour.jobs.job import Exports
@@ -54,12 +54,12 @@ def write_exports(folder: files.ResultFolder, job: Job, name: str, result: RunRe
     written = Written()
     warnings = dict[str, None]()
     for kind in job.export.formats:
-        exporting = Exporting(formats.format_named(kind, job.export))
-        for motion_label, motion in exporting.motions(result):
+        exporter = Exporter(formats.format_named(kind, job.export))
+        for motion_label, motion in exporter.motions(result):
             file = f"{name}/export/{motion_label}{formats.ending_of(kind)}"
             label = f"export {kind}, run {name}"
             try:
-                prepared = exporting.of_run(job, result, motion_label, motion)
+                prepared = exporter.prepare_run(job, result, motion_label, motion)
                 folder.write_with(file, prepared.write_directly)
             except InvalidInput as error:
                 written.errors.append(error)
@@ -89,7 +89,7 @@ def export(options: Export, _: None, progress: Progress) -> Outcome:
         raise InvalidInput("--cycle applies to run, because set-points have a fixed cycle.")
     stored = run.set_points if format.keeps_times else run.plan
     table = stored(derivatives=chosen.derivatives)
-    prepared = Exporting(format).of_table(table, f"the run {run.name}", run.analog)
+    prepared = Exporter(format).prepare_table(table, f"the run {run.name}", run.analog)
     table = prepared.table
     refuse_existing(file, options.force)
     prepared.write(file)

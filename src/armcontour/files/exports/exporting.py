@@ -47,7 +47,7 @@ MOTIONS = "motions"
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class ExportFile:
     """A table that its format can express, and warnings about its file."""
 
     format: ExportFormat
@@ -64,7 +64,7 @@ class Prepared:
 
 
 @dataclass(frozen=True, slots=True)
-class Exporting:
+class Exporter:
     """Exports in one format. Nothing is written before everything is checked."""
 
     format: ExportFormat
@@ -76,7 +76,7 @@ class Exporting:
         plan = (REFERENCE, result.trajectory)
         return [plan, (SET_POINTS, result.set_points)] if self.format.keeps_times else [plan]
 
-    def of_run(
+    def prepare_run(
         self,
         job: Job,
         result: RunResult,
@@ -85,7 +85,7 @@ class Exporting:
         *,
         cycle: float | None = None,
         origin: str = "",
-    ) -> Prepared:
+    ) -> ExportFile:
         """Prepare a motion of a run.
 
         - `label`: Last word of the program's name.
@@ -99,7 +99,7 @@ class Exporting:
                 between = result.program.between
                 requested = between.interval
             cycle = cycle or requested or result.run.cycle
-        return Exporting(format).of_motion(
+        return Exporter(format).prepare_motion(
             data,
             name=f"{job.name} {result.run.name} {label}",
             origin=origin,
@@ -110,7 +110,7 @@ class Exporting:
             between=between,
         )
 
-    def of_motion(
+    def prepare_motion(
         self,
         data: SetPoints | Trajectory,
         *,
@@ -123,7 +123,7 @@ class Exporting:
         origin: str = "",
         tolerance: float | None = None,
         between: BetweenPoints | None = None,
-    ) -> Prepared:
+    ) -> ExportFile:
         """Prepare a motion; arguments as in `make_table` and `export`.
 
         - `between`: what `measure_between_points` returns for the plan and an interval, if known.
@@ -146,7 +146,7 @@ class Exporting:
         )
         if between is not None:
             table = replace(table, between=str(between))
-        return self.of_table(table, repr(name))
+        return self.prepare_table(table, repr(name))
 
     def _measure_between(
         self, data: SetPoints | Trajectory, cycle: float | None, tolerance: float | None
@@ -187,19 +187,21 @@ class Exporting:
             allowed=tolerance,
         )
 
-    def of_table(self, table: SetPointTable, owner: str, known: Iterable[str] = ()) -> Prepared:
-        """Prepare a table, which is that of a plan if the controller plans the motion itself.
+    def prepare_table(
+        self, table: SetPointTable, owner: str, known: Iterable[str] = ()
+    ) -> ExportFile:
+        """Prepare a table. If the controller plans the motion, it must be that of a plan.
 
         - `owner`: What has the events, for messages.
         - `known`: Names of further outputs, whose values the table does not have.
         """
         format = self.format
-        said = self._judge(table)
+        excess_warnings = self._judge(table)
         check_outputs(outputs_of(format), {*names_of(table), *known}, option="outputs", owner=owner)
         check_inputs(inputs_of(format), table_inputs(table), option="inputs", owner=owner)
         format.check(table)
         table = format.select(table)
-        return Prepared(format, table, [*said, *format.describe(table)])
+        return ExportFile(format, table, [*excess_warnings, *format.describe(table)])
 
     def _judge(self, table: SetPointTable) -> list[str]:
         """Return warnings about set-points beyond assumed limits; refuse those beyond stated ones.
@@ -216,15 +218,15 @@ class Exporting:
         excesses = rule.judge(table.q, table.cycle).excesses
         if not excesses:
             return []
-        known = {x.limit for x in table.rule.judge(table.q, table.cycle).excesses}
+        exceeded_before = {x.limit for x in table.rule.judge(table.q, table.cycle).excesses}
         sentences = []
         for excess in excesses:
             joint = excess.joint
             unit = joint_units(LIMITS[excess.limit].unit, table.prismatic)[joint]
             found = f"the {excess.describe(table.joint_names[joint], unit)}"
             remedy = excess.remedy
-            if excess.limit not in known:
-                # The set-points keep the limits with which they were computed.
+            if excess.limit not in exceeded_before:
+                # The limit is that of this format; set-points keep those of their own rule.
                 remedy = (
                     f"Compute set-points for this format: armcontour run JOB --export "
                     f"{self.format.label}. {self._python_remedy(excess, rule, table)}"
@@ -304,7 +306,7 @@ def export(
     named = format_of(destination) if format is None else format
     chosen = format_named(named) if isinstance(named, str) else named
     chosen = chosen.with_motions(data.trajectory if isinstance(data, SetPoints) else data, arm)
-    prepared = Exporting(chosen).of_motion(
+    prepared = Exporter(chosen).prepare_motion(
         data,
         name=destination.stem if chosen.name is None else chosen.name,
         arm=arm,

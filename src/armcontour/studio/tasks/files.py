@@ -138,7 +138,7 @@ def export(request: Request) -> MessageFrame:
     exports the set-points of `request.plan`, which a certificate proves.
     """
     from armcontour.files.exports.export_checks import check_export
-    from armcontour.files.exports.exporting import Exporting
+    from armcontour.files.exports.exporting import Exporter
     from armcontour.files.exports.formats import ENDINGS, format_named, outputs_of
     from armcontour.files.exports.identifiers import identifier
 
@@ -160,7 +160,7 @@ def export(request: Request) -> MessageFrame:
     cycle = request.option("cycle", None) if source == PLANNED else None
     # The motion is planned only if it can be exported.
     is_plan = source == PLANNED or (source == PLAIN and not run.compensation.compensates)
-    Exporting(format).check_compensation(stem, is_plan)
+    Exporter(format).check_compensation(stem, is_plan)
     check_export(job, kind, stem=stem, cycle=cycle)
     if source == CERTIFIED:
         if not request.plan:
@@ -174,7 +174,7 @@ def export(request: Request) -> MessageFrame:
         plan = _exported_run(request, kind, cycle)
     request.progress(Step(("writing",)))
     data = plan.trajectory if source == PLANNED else plan.set_points
-    prepared = Exporting(format).of_run(
+    prepared = Exporter(format).prepare_run(
         job, plan, NAMES[source], data, cycle=cycle, origin=request.origin
     )
     with tempfile.TemporaryDirectory() as folder:
