@@ -8,13 +8,16 @@ continuous acceleration and at rest at both ends, which stands for a spline such
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Frozen, IntArray, kernel_array
 from armcontour.core.kernel_cache import compiled
 from armcontour.core.render import number
+from armcontour.core.sampled_data import interpolate
 from armcontour.core.text import short_repr
 from armcontour.geometry.projection import pad_to_space
 from armcontour.motion import JointPath, Trajectory, arm_of
@@ -25,8 +28,8 @@ from armcontour.robot import Arm
 PARTS = 32
 # The nearest point of the other motion is searched this many intervals before and after.
 NEARBY = 2
-# Number of joint positions whose tool positions are computed at once, which limits the memory.
-POSITIONS_AT_ONCE = 100_000
+# Number of intervals that are measured at once, which limits the memory.
+INTERVALS_AT_ONCE = 3000
 # A wait begins at the first point that is later than its time minus this fraction of the interval.
 SAME_TIME = 1e-9
 
@@ -105,21 +108,46 @@ def measure_between_points(plan: Trajectory, interval: float) -> BetweenPoints:
     """
     arm = arm_of(plan)
     samples = plan.sample(interval)
-    t = samples.t
-    q = samples.q
-    fine_t = _divide(t)
-    planned = _tool_points(arm, plan(fine_t))
-    fraction = np.append(np.tile(np.arange(PARTS) / PARTS, len(t) - 1), 1.0)
-    index = np.append(np.repeat(np.arange(len(t) - 1), PARTS), len(t) - 2)
-    lines = _tool_points(arm, q[index] + fraction[:, None] * (q[index + 1] - q[index]))
-    spline = _tool_points(arm, _spline(t, q, fine_t, _rests(plan, t, interval)))
-    return BetweenPoints(
-        interval=interval,
-        t=t,
-        lines=_largest_distances(lines, planned),
-        spline=_largest_distances(spline, planned),
-        missed=np.maximum(_largest_distances(planned, lines), _largest_distances(planned, spline)),
+    motions = _Motions(
+        plan=plan,
+        arm=arm,
+        t=samples.t,
+        q=samples.q,
+        splines=_splines(samples.t, samples.q, _rests(plan, samples.t, interval)),
     )
+    count = len(samples.t) - 1
+    distances = [
+        _measure(motions, first, min(first + INTERVALS_AT_ONCE, count))
+        for first in range(0, count, INTERVALS_AT_ONCE)
+    ]
+    lines, spline, missed = np.concatenate(distances, axis=1)
+    return BetweenPoints(interval=interval, t=samples.t, lines=lines, spline=spline, missed=missed)
+
+
+class _Motions(NamedTuple):
+    """The plan, and the motions through its points."""
+
+    plan: Trajectory
+    arm: Arm
+    t: FloatArray  # Times of the points [s], (n,)
+    q: FloatArray  # Joint positions of the points [rad], (n, dof)
+    splines: list[tuple[float, JointPath]]  # Start [s] of each spline, and the spline over time
+
+
+def _measure(motions: _Motions, first: int, last: int) -> FloatArray:
+    """Return the distances `lines`, `spline` and `missed` of some intervals, (3, last - first)."""
+    t = motions.t
+    q = motions.q
+    # The nearest point may be in an interval before or after.
+    begin = max(first - NEARBY, 0)
+    end = min(last + NEARBY, len(t) - 1)
+    fine_t = _divide(t[begin : end + 1])
+    planned = _tool_points(motions.arm, motions.plan(fine_t))
+    lines = _tool_points(motions.arm, interpolate(fine_t, t[begin : end + 1], q[begin : end + 1]))
+    spline = _tool_points(motions.arm, _follow_splines(motions.splines, fine_t))
+    missed = np.maximum(_largest_distances(planned, lines), _largest_distances(planned, spline))
+    found = [_largest_distances(lines, planned), _largest_distances(spline, planned), missed]
+    return np.stack(found)[:, first - begin : last - begin]
 
 
 def _divide(t: FloatArray) -> FloatArray:
@@ -137,23 +165,31 @@ def _rests(plan: Trajectory, t: FloatArray, interval: float) -> IntArray:
     return np.asarray(found[found > 0])
 
 
-def _spline(t: FloatArray, q: FloatArray, fine_t: FloatArray, ends: IntArray) -> FloatArray:
-    """Return the splines through points, at rest at the indices `ends`, at finer times."""
-    pieces = []
+def _splines(t: FloatArray, q: FloatArray, ends: IntArray) -> list[tuple[float, JointPath]]:
+    """Return the splines through points, at rest at the indices `ends`, with their start times."""
+    splines = []
     first = 0
     for last in ends.tolist():
         part = slice(first, last + 1)
-        spline = JointPath.spline(q[part], t[part] - t[first], ends="clamped")
-        times = fine_t[first * PARTS : last * PARTS] - t[first]
-        pieces.append(spline(np.minimum(times, spline.length)))
+        start = float(t[first])
+        splines.append((start, JointPath.spline(q[part], t[part] - start, ends="clamped")))
         first = last
-    return np.concatenate([*pieces, q[-1:]])
+    return splines
+
+
+def _follow_splines(splines: Sequence[tuple[float, JointPath]], t: FloatArray) -> FloatArray:
+    """Return the joint positions of consecutive splines at times [s], (n, dof)."""
+    starts = [start for start, _ in splines]
+    cuts = np.searchsorted(t, starts[1:])
+    parts = []
+    for (start, spline), times in zip(splines, np.split(t, cuts), strict=True):
+        parts.append(spline(np.minimum(times - start, spline.length)))
+    return np.concatenate(parts)
 
 
 def _tool_points(arm: Arm, q: FloatArray) -> FloatArray:
     """Return the tool points of joint positions in space [m], (n, 3)."""
-    groups = np.array_split(q, 1 + len(q) // POSITIONS_AT_ONCE)
-    return kernel_array(pad_to_space(np.concatenate([arm.tool_position(x) for x in groups])))
+    return kernel_array(pad_to_space(arm.tool_position(q)))
 
 
 def _largest_distances(points: FloatArray, line: FloatArray) -> FloatArray:
