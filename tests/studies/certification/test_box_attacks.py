@@ -44,7 +44,25 @@ cycle: 8 ms
 certificate: {servo_error: 0.333 mm, slowest: 4, box: {gains: 3 %}}
 runs: {only: {}}
 """
-JOBS = {"planar": PLANAR, "spatial": SPATIAL, "shared": SHARED, "fed forward": FED_FORWARD}
+# Derating ends with commands above the acceleration limit, but an even motion is slow enough.
+EVEN = """
+name: turns back
+arm: pmk3s
+path: {points: [[0.35, 0.1], [0.3191, 0.05], [0.3202, 0.05], [0.3382, 0.05]]}
+limits: {speed: 0.3 m/s, joint_acceleration: 1.586}
+corners: {tolerance: 1.64 mm}
+servo: {kp: [19.09, 18.68], kv: 165, velocity_feedforward: 0.7}
+cycle: 4 ms
+certificate: {servo_error: 0.0528 mm, slowest: 3, box: {gains: 10.4 %}}
+runs: {only: {}}
+"""
+JOBS = {
+    "planar": PLANAR,
+    "spatial": SPATIAL,
+    "shared": SHARED,
+    "fed forward": FED_FORWARD,
+    "even": EVEN,
+}
 
 
 @pytest.mark.parametrize("name", JOBS)

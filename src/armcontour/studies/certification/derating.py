@@ -38,7 +38,7 @@ REASONS = {
     "tool": "the speed of the executed tool, which exceeded the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
-    "even": "the even slowing of the whole motion, where derating single places was not enough",
+    "even": "the even slowing of the whole motion",
 }
 
 
