@@ -47,7 +47,9 @@ SHORTENING_MARGIN = 1.02
 CYCLE_DIVISORS = (2, 4)
 SHORTEST_TRIED_CYCLE = 5e-4
 # Largest number of set-points of a longer motion that is tried.
-MAX_TRIED_SET_POINTS = 100_000
+MAX_TRIED_SET_POINTS = 50_000
+# Largest number of set-points of a longer motion that is derated, which takes many simulations.
+MAX_DERATED_SET_POINTS = 4_000
 # Number of significant digits of the values of remedies.
 REMEDY_DIGITS = 3
 
@@ -201,6 +203,8 @@ def _shortened(case: Case, longer: Remedy, duration: float) -> tuple[Remedy, flo
     - `longer`: a value that is enough for an even motion.
     - `duration`: duration of this motion [s].
     """
+    if duration > MAX_DERATED_SET_POINTS * case.run.cycle:
+        return longer, duration
     with suppress(ArmContourError):
         contours = search_verdict(longer.case).attempt.contours
         ratio = max(x.plan.duration / x.fastest.duration for x in contours)
