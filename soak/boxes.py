@@ -41,6 +41,7 @@ def draw(seed: int) -> str:
     )
     texts = ", ".join(f"[{x:.4f}, {y:.4f}, {z:.4f}]" for x, y, z in points)
     shared = ", shared: true" if random.random() < 0.25 else ""
+    feedforward = np.random.default_rng([seed, 1]).choice([0.0, 0.0, 0.7, 1.0])
     return f"""
 name: box
 arm: {arm}
@@ -51,6 +52,7 @@ servo:
   kp: {random.uniform(15, 40):.1f} 1/s
   kv: {random.uniform(120, 250):.0f} 1/s
   dead_time: 8 ms
+  velocity_feedforward: {feedforward}
 cycle: {random.choice([2, 4, 8])} ms
 certificate:
   servo_error: {random.uniform(0.3, 0.8):.2f} mm
@@ -151,21 +153,25 @@ class Attack:
             q = self.set_points.q
             return q[i, joints] * (1 - share) + q[i + 1, joints] * share
 
-        def acceleration(q: FloatArray, v: FloatArray, u: FloatArray) -> FloatArray:
-            return kv * (kp * (u - q) - v)
+        # With p = v - lead u, q'' = kv (kp (u - q) + f u' - v) has no derivative of u, which jumps.
+        lead = self.servo.velocity_feedforward * kv
+
+        def rates(q: FloatArray, p: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+            v = p + lead * u
+            return v, kv * (kp * (u - q) - v)
 
         h = STEP / 2
         q = np.tile(self.set_points.q[0], (len(units), 1))
-        v = np.zeros_like(q)
+        p = -lead * q
         results = [q]
         for k in range(int((t[-1] - t[0] + REST) / h)):
             u0, u1, u2 = (command(t[0] + (k + x) * h) for x in (0.0, 0.5, 1.0))
-            a1 = acceleration(q, v, u0)
-            a2 = acceleration(q + h / 2 * v, v + h / 2 * a1, u1)
-            a3 = acceleration(q + h / 2 * (v + h / 2 * a1), v + h / 2 * a2, u1)
-            a4 = acceleration(q + h * (v + h / 2 * a2), v + h * a3, u2)
-            q = q + h * v + h * h / 6 * (a1 + a2 + a3)
-            v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+            v1, a1 = rates(q, p, u0)
+            v2, a2 = rates(q + h / 2 * v1, p + h / 2 * a1, u1)
+            v3, a3 = rates(q + h / 2 * v2, p + h / 2 * a2, u1)
+            v4, a4 = rates(q + h * v3, p + h * a3, u2)
+            q = q + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4)
+            p = p + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
             if k % 2:
                 results.append(q)
         return np.array(results)

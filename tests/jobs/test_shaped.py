@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from tests.geometry.tables import refused
 from tests.jobs import making
 from tests.jobs.making import ARM, a_job
 
 import armcontour as ac
+from armcontour.files import parse_job
 from armcontour.geometry import Arc, Path, ShapedPath
 from armcontour.jobs import Rounding, run
 from armcontour.program import Contour, Event, Lead, Process, Program
@@ -96,3 +98,40 @@ def test_an_arm_in_space_keeps_the_configuration_of_the_shape_search():
     plan = run(a_job(Program(moves=moves), shaped_run, arm=arm), simulate=False).runs["free"]
     for span, x in zip(plan.trajectory.contour_spans, plan.path.contours, strict=True):
         assert span.t[1] - span.t[0] == pytest.approx(x.path.outcome.durations["shaped"], rel=1e-9)
+
+
+FREE_JOB = """
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]}
+limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm, shape: free}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {free: {}}
+"""
+
+
+def nearest(points, curve):
+    """Distances from points to a curve between dense samples, by parabolas [m]."""
+    s = np.linspace(0, curve.length, 100_001)
+    samples = np.asarray(curve(s))
+    middle = np.clip(cKDTree(samples).query(points)[1], 1, len(s) - 2)
+    before, at, after = (((points - samples[middle + k]) ** 2).sum(axis=1) for k in (-1, 0, 1))
+    bend = before - 2 * at + after
+    return np.sqrt(np.minimum(at, at - (after - before) ** 2 / (8 * np.maximum(bend, 1e-30))))
+
+
+def test_verdict_states_the_distance_of_the_curve_from_the_drawing():
+    """Terminal and verdict use the bound of `deviation`, which dense samples almost reach."""
+    result = run(parse_job(FREE_JOB)).runs["free"]
+    path = result.path.path
+    assert isinstance(path, ShapedPath) and path.curve is not None
+    s = np.union1d(np.linspace(0, path.length, 20_001), path.curve.breaks)
+    there = BEND.project(path(s)).distance.max()
+    back = nearest(BEND(np.linspace(0, BEND.length, 70_001)), path).max()
+    deviation = result.verdict.deviation
+    assert deviation.rounding == pytest.approx(max(there, back), abs=1e-6 * path.tolerance)
+    assert deviation.rounding <= path.tolerance
+    made = a_run(rounding=Rounding(shape="free", tolerance=1e-3), timing=ac.Optimal())
+    same = run(a_job(BEND, made), simulate=False).runs["free"].path.path
+    assert same.deviation == deviation.rounding

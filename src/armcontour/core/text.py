@@ -179,6 +179,15 @@ def digits(value: float, count: int = 4) -> str:
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
+def distinct(a: float, b: float, count: int = 3) -> tuple[str, str]:
+    """Format two values with at least `count` significant digits, so that they look different."""
+    texts = digits(a, count), digits(b, count)
+    while texts[0] == texts[1] and a != b:
+        count = count + 1
+        texts = digits(a, count), digits(b, count)
+    return texts
+
+
 def clock(t: float, count: int = 4) -> str:
     """Format a time in s: with `count` significant digits below 1 s, from 1 s on to 0.1 ms."""
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")

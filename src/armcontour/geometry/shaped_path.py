@@ -15,17 +15,16 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import evaluate
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, short_repr
+from armcontour.geometry.largest_distance import MeasuredCurve, PieceBounds, largest_distance
 from armcontour.geometry.path import Path
+from armcontour.geometry.projection import Projection
 
 # Key of the shaped path's duration in `ShapingOutcome.durations`.
 SHAPED = "shaped"
-# Number of evenly spaced points at which the distance from the objective is evaluated first, and
-# largest number of intervals that are halved then.
-PLACES = 15_000
-# Largest difference between the distance from the objective and its bound [m].
-RESOLUTION = 1e-8
-# For this bound, a piece is halved at most this number of times.
-MAX_HALVINGS = 20
+# Largest difference between the distance from the objective and its bound, as a share of the
+# tolerance, and the smallest such difference that rounding errors allow [m].
+RESOLUTION_SHARE = 1e-7
+FINEST_RESOLUTION = 1e-12
 # Names of the shapes from which a search starts: corners replaced by arcs, corners replaced by
 # parabolas, and the objective path, which stops at its corners.
 ARCS = "arcs"
@@ -126,15 +125,52 @@ class ShapedPath(Path):
     def deviation(self) -> float:
         """Upper bound of the distance between path and objective, in both directions [m].
 
-        It exceeds the distance by about 10 nm plus the distance of the arcs from the curve, unless
-        path and objective are nearly parallel over many points.
+        It exceeds the distance by at most RESOLUTION_SHARE of the tolerance. A path that the shape
+        search made is proven to be within its tolerance (`Tube.prove`), so the bound is at most the
+        tolerance, unless a measured distance is larger.
         """
-        there = _bound_distance(self, self.objective, self.tolerance)
-        back = _bound_distance(self.objective, self, self.tolerance)
-        if self.curve is not None:
-            # Distances to this path are those to its lines and arcs.
-            back += float(self.curve.spreads.max())
-        return max(there, back)
+        if self._is_objective:
+            return 0.0
+        resolution = max(RESOLUTION_SHARE * self.tolerance, FINEST_RESOLUTION)
+        own = self._measured
+        objective = MeasuredCurve.of_path(self.objective)
+        there = largest_distance(own, objective, resolution)
+        back = largest_distance(objective, own, resolution)
+        bound = min(max(there.bound, back.bound), self.tolerance)
+        return max(there.measured, back.measured, bound)
+
+    @property
+    def _is_objective(self) -> bool:
+        """Whether the path consists of the same lines and arcs as its objective."""
+        pairs = ((x.vertices, x.curvatures) for x in (self, self.objective))
+        return all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
+
+    @property
+    def _measured(self) -> MeasuredCurve:
+        """The curve that the tool follows, for distances."""
+        if self.curve is None:
+            return MeasuredCurve.of_path(self)
+        bounds = PieceBounds.of_quintics(self.curve.breaks, self.curve.coefficients)
+        return MeasuredCurve(points=self, nearest=self._nearest_on_curve, bounds=bounds)
+
+    def _nearest_on_curve(self, points: FloatArray) -> Projection:
+        """Return distances from points to the curve, at most a rounding error too large.
+
+        One Newton step leads from the nearest point of the arcs to that of the curve.
+        """
+        s = self.project(points).s
+        offset = points - self(s)
+        tangent = self(s, 1)
+        slope = np.sum(offset * tangent, axis=1)
+        bend = np.sum(tangent**2, axis=1) - np.sum(offset * self(s, 2), axis=1)
+        step = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), 0.0)
+        moved = np.clip(s + step, 0.0, self.length)
+        distance = np.linalg.norm(offset, axis=1)
+        moved_distance = np.linalg.norm(points - self(moved), axis=1)
+        nearer = moved_distance < distance
+        return Projection(
+            distance=np.where(nearer, moved_distance, distance), s=np.where(nearer, moved, s)
+        )
 
     __repr__ = short_repr
 
@@ -168,27 +204,6 @@ class ShapedPath(Path):
             checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
         return np.asarray(np.clip(arc_lengths, 0.0, self.length))
-
-
-def _bound_distance(path: Path, other: Path, proven: float) -> float:
-    """Bound the distance of a path's points from another path [m].
-
-    The distance changes by at most the arc length. Between points whose arc lengths differ by h and
-    whose distances are a and b, it is therefore at most (a + b + h) / 2. Intervals that may have
-    the largest distance are halved. `proven` is a bound that is known already [m].
-    """
-    s = np.union1d(np.linspace(0.0, path.length, PLACES), path.breaks)
-    distance = other.project(path(s)).distance
-    for _ in range(MAX_HALVINGS):
-        bounds = (distance[:-1] + distance[1:] + np.diff(s)) / 2
-        high = np.flatnonzero(bounds > distance.max() + RESOLUTION)
-        if not len(high) or len(high) > PLACES or distance.max() > proven - RESOLUTION:
-            break
-        middle = (s[high] + s[high + 1]) / 2
-        s = np.insert(s, high + 1, middle)
-        distance = np.insert(distance, high + 1, other.project(path(middle)).distance)
-    bound = (distance[:-1] + distance[1:] + np.diff(s)) / 2
-    return float(max(distance.max(), min(bound.max(), proven)))
 
 
 def describe_unfinished(paths: Iterable[Path]) -> list[str]:

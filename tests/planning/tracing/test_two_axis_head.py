@@ -1,5 +1,7 @@
 """Machines with three slides and two rotary axes, whose tool axis is near the pole of the head."""
 
+import re
+
 import numpy as np
 import pytest
 from tests.oracle import head_machine as machine
@@ -84,6 +86,65 @@ def test_heads_follow_paths_near_their_pole(load, name, job):
         durations.append(planned.duration)
     assert np.ptp(durations) < 5e-3 * min(durations)
     assert durations[0] < path.length / SPEED + 0.6
+
+
+# Points [mm] and leanings [degrees], azimuths [rad] of paths whose tool axis passes the pole at a
+# distance of 0.1 to 0.4 degrees within a short length.
+CLOSE = {
+    "in 20 mm": ([0, 20, 30], [(12, 0), (8.4, np.pi + 0.02), (12, np.pi + 0.02)]),
+    "in 100 mm": ([0, 100, 150], [(25, 0), (17.5, np.pi + 0.02), (25, np.pi + 0.02)]),
+    "often": (
+        [0, 50, 100, 130, 150, 200],
+        [(25, 0), (25, np.pi + 0.01), (20, 0.02), (9, np.pi + 0.05), (25, 0.02), (20, 3.1)],
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [("C/A", "in 20 mm"), ("C/B", "in 20 mm"), ("C/B", "in 100 mm"), ("C/A", "often")],
+)
+def test_fast_passages_close_to_the_pole_stay_within_the_tolerance(load, name, case):
+    along, directions = CLOSE[case]
+    points = [[1 + 1e-3 * x, 1, 2] for x in along]
+    path = ac.Path.polyline(points).pointing([machine.leaning(*x) for x in directions])
+    path = ac.round_corners(path, tolerance=1e-3, angular_tolerance=np.radians(3))
+    (law,) = ac.plan(path, load(name)).laws
+    distance, angle = judge(name, path, law.joint_path)
+    assert distance < 1e-9
+    assert angle <= ALLOWED * (1 + 1e-9)
+
+
+def test_cone_that_a_refusal_names_is_enough(load):
+    """The first axis would leave its range of 189 degrees by turning about the pole."""
+    arm = load("C/B")
+    along, directions = CLOSE["often"]
+    points = [[1 + 1e-3 * x, 1, 2] for x in along]
+    path = ac.Path.polyline(points).pointing([machine.leaning(*x) for x in directions])
+    path = ac.round_corners(path, tolerance=1e-3, angular_tolerance=np.radians(3))
+    with pytest.raises(ac.Unreachable) as caught:
+        ac.plan(path, arm)
+    assert caught.value.limit == "joint_upper" and caught.value.joint == 3
+    cone = np.radians(float(re.search(r"cone of ([\d.]+) deg", str(caught.value))[1]))
+    leaning = path.with_cone(cone)
+    (law,) = ac.plan(leaning, arm).laws
+    distance, angle = judge("C/B", path, law.joint_path)
+    assert distance < 1e-9
+    assert ALLOWED < angle <= cone * (1 + 1e-9)
+
+
+def test_job_with_a_fast_passage_close_to_the_pole_is_planned(tmp_path):
+    (tmp_path / "machine.urdf").write_text(machine.description("C/B"))
+    (tmp_path / "limits.yaml").write_text(machine.joint_limits())
+    along, directions = CLOSE["in 20 mm"]
+    points = [[1 + 1e-3 * x, 1, 2] for x in along]
+    axes = ", ".join(f"{{axis: {machine.leaning(*x).tolist()}}}" for x in directions)
+    text = (
+        BEVELED[: BEVELED.index("path:")] + f"path:\n  points: {points}\n  orientation: [{axes}]\n"
+    )
+    run = ac.run(parse_job(text + BEVELED[BEVELED.index("corners:") :], folder=tmp_path))
+    (row,) = [x for x in run.runs["cut"].to_data().rows if x.name == "lean"]
+    assert row.value <= ALLOWED * (1 + 1e-9)
 
 
 def test_first_axis_is_held_along_a_constant_axis_at_the_pole(load):

@@ -77,7 +77,7 @@ def test_the_tool_respects_the_speed_of_every_segment(method):
 
 
 def test_a_tool_above_its_speed_is_named_in_the_refusal():
-    with pytest.raises(ac.NotRealizable, match="Compensate the lag of the servo") as refused:
+    with pytest.raises(ac.NotRealizable, match="compensate the lag of the servo") as refused:
         job = job_of_own_speeds("none")
         ac.certify(job, goal=replace(job.certificate, slowest=1.03))
     assert refused.value.limit == "speed"

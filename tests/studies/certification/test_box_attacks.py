@@ -32,7 +32,37 @@ certificate: {servo_error: 0.5 mm, slowest: 3, box: {gains: 8 %, dead_time: 1 ms
 runs: {only: {compensation: {method: inverse}}}
 """
 SHARED = SPATIAL.replace("dead_time: 1 ms}", "dead_time: 1 ms, shared: true}")
-JOBS = {"planar": PLANAR, "spatial": SPATIAL, "shared": SHARED}
+# The whole velocity is fed forward, with jerk limits and corners that turn back.
+FED_FORWARD = """
+name: fed forward
+arm: pmk3s
+path: {points: [[0.35, 0.1], [0.3527, 0.1746], [0.3457, 0.1105], [0.3247, 0.0832]]}
+limits: {speed: 0.2448 m/s, joint_acceleration: 0.7344, joint_jerk: 16.57}
+corners: {tolerance: 0.92 mm}
+servo: {kp: [32.58, 28.6], kv: [162.2, 170.8], dead_time: 6 ms, velocity_feedforward: 1}
+cycle: 8 ms
+certificate: {servo_error: 0.333 mm, slowest: 4, box: {gains: 3 %}}
+runs: {only: {}}
+"""
+# Derating ends with commands above the acceleration limit, but an even motion is slow enough.
+EVEN = """
+name: turns back
+arm: pmk3s
+path: {points: [[0.35, 0.1], [0.3191, 0.05], [0.3202, 0.05], [0.3382, 0.05]]}
+limits: {speed: 0.3 m/s, joint_acceleration: 1.586}
+corners: {tolerance: 1.64 mm}
+servo: {kp: [19.09, 18.68], kv: 165, velocity_feedforward: 0.7}
+cycle: 4 ms
+certificate: {servo_error: 0.0528 mm, slowest: 3, box: {gains: 10.4 %}}
+runs: {only: {}}
+"""
+JOBS = {
+    "planar": PLANAR,
+    "spatial": SPATIAL,
+    "shared": SHARED,
+    "fed forward": FED_FORWARD,
+    "even": EVEN,
+}
 
 
 @pytest.mark.parametrize("name", JOBS)

@@ -13,7 +13,7 @@ from armcontour.core.render import number
 from armcontour.files import parse_job
 from armcontour.jobs import CertificateGoal, Uncertainty
 from armcontour.report import render_report
-from armcontour.studies.certification import certification
+from armcontour.studies.certification import derating_search
 from armcontour.studies.certification.case import Attempt, Move
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
@@ -172,7 +172,7 @@ def test_a_result_of_the_search_that_fails_the_proof_is_refused(monkeypatch):
         ratios.append(verdict.ratios[0])
         raise ac.NotRealizable("wrong")
 
-    monkeypatch.setattr(certification, "attempts", propose)
+    monkeypatch.setattr(derating_search, "attempts", propose)
     box = Uncertainty(gains=0.1)
     with pytest.raises(ac.NotRealizable, match="wrong"):
         ac.certify(job(SHORT), goal=ac.CertificateGoal(servo_error=0.5e-3, box=box))
@@ -260,21 +260,66 @@ def test_errors_of_the_dead_time_are_certified():
     # What can be reached in that time is between the two.
     assert 0.03e-3 < error.needed < 0.06e-3
     assert "worst robot of the box" in str(error) and f"{error.needed * 1e3:.3g} mm" in str(error)
-    assert "slowest plan that was tried" in str(error)
+    assert "slowest derated plan" in str(error)
 
 
-def test_refusal_of_a_box_states_a_duration_that_is_enough():
+def test_motion_is_slowed_down_evenly_where_derating_fails(monkeypatch):
+    def give_up(case):
+        raise derating_search.SearchEnded("derating ended")
+        yield
+
+    monkeypatch.setattr(derating_search, "attempts", give_up)
+    box = Uncertainty(gains=0.02)
+    goal = ac.CertificateGoal(servo_error=0.1e-3, box=box, slowest=2.5)
+    certificate = ac.certify(job(SHORT), goal=goal)
+    assert certificate.kept and certificate.budget.executed <= 0.1e-3
+    judged(certificate)
+    fastest = certificate.uncertified.duration
+    assert 1 < certificate.duration / fastest <= 2.5
+    # The same motion along the path, more slowly.
+    s = np.linspace(0, certificate.contours[0].path.length, 50)[1:-1]
+    contour = certificate.contours[0]
+    limits = certificate.result.run.limits
+    fast = ac.plan(contour.joint_path, certificate.job.arm, limits)
+    rates = certificate.trajectory.speed_at(s) / fast.speed_at(s)
+    assert rates == pytest.approx(fastest / certificate.duration, rel=1e-3)
+    assert {x.cause for x in certificate.contours[0].derated} == {"even"}
+    # Through a job file, and with a limit that no even motion keeps.
+    keys = "servo_error: 0.1 mm, box: {gains: 2 %}, slowest: 2.5"
+    same = ac.certify(job(SHORT, more=f"certificate: {{{keys}}}"))
+    assert same.duration == certificate.duration
+    with pytest.raises(ac.NotRealizable, match="derating ended"):
+        ac.certify(job(SHORT), goal=replace(goal, slowest=1.01))
+
+
+def test_each_remedy_of_a_refusal_is_enough_on_its_own():
     box = Uncertainty(gains=0.1)
-    goal = ac.CertificateGoal(servo_error=0.05e-3, box=box)
+    goal = ac.CertificateGoal(servo_error=0.05e-3, box=box, slowest=1.2)
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.certify(job(SHORT), goal=replace(goal, slowest=1.2))
-    slowest = float(re.search(r"slowest must be more than ([\d.]+)", str(caught.value))[1])
-    assert slowest > 1.2
-    certificate = ac.certify(job(SHORT), goal=replace(goal, slowest=1.1 * slowest))
-    assert certificate.kept
-    # The same through a job file, which has the key.
-    text = f"certificate: {{servo_error: 0.05 mm, box: {{gains: 10 %}}, slowest: {1.1 * slowest}}}"
-    assert ac.certify(job(SHORT, more=text)).duration == certificate.duration
+        ac.certify(job(SHORT), goal=goal)
+    found = re.search(
+        r"slowest: ([\d.]+) .*servo_error: ([\d.]+) mm .*a box of (\d+) % of its size",
+        str(caught.value),
+    )
+    slowest, error, percent = (float(x) for x in found.groups())
+    assert 1.2 < slowest < 4 and 30 < percent < 100 and 0.05 < error < 0.1
+    changes = (
+        ({"slowest": slowest}, f"servo_error: 0.05 mm, box: {{gains: 10 %}}, slowest: {slowest}"),
+        (
+            {"box": Uncertainty(gains=percent / 1000)},
+            f"servo_error: 0.05 mm, box: {{gains: {percent / 10} %}}, slowest: 1.2",
+        ),
+        (
+            {"servo_error": error * 1e-3},
+            f"servo_error: {error} mm, box: {{gains: 10 %}}, slowest: 1.2",
+        ),
+    )
+    for change, keys in changes:
+        certificate = ac.certify(job(SHORT), goal=replace(goal, **change))
+        assert certificate.kept
+        # The same through a job file.
+        stated = ac.certify(job(SHORT, more=f"certificate: {{{keys}}}"))
+        assert stated.duration == pytest.approx(certificate.duration)
 
 
 def test_a_total_tolerance_is_divided_and_its_unused_part_returned():
@@ -295,9 +340,9 @@ def test_the_refusal_names_the_limiting_requirement(refuses):
     error = {"limit": "contour error"}
     for job_case, servo, slowest, words, data in (
         (held, 1e-3, 1.05, ("are held", "linear interpolation"), acceleration),
-        (job(SHORT), 1e-9, 1.05, ("slowest plan that was tried", "shorter cycle"), error),
-        (parse_job(lags), 1e-6, 1.05, ("Compensate the lag of the servo",), error),
-        (job(SHORT), 1e-3, 1.0001, ("shorter cycle",), acceleration),
+        (job(SHORT), 1e-9, 1.05, ("slowest derated plan", "servo_error: "), error),
+        (parse_job(lags), 1e-6, 1.05, ("compensate the lag of the servo",), error),
+        (job(SHORT), 1e-3, 1.0001, ("slowest: 1.",), acceleration),
     ):
         call = partial(
             ac.certify, job_case, goal=CertificateGoal(servo_error=servo, slowest=slowest)

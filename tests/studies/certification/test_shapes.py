@@ -60,10 +60,9 @@ def test_shape_and_servo_together_stay_within_the_tolerance(certified):
     )
     assert planned.verdict == "kept"
     # Hardly anything is left: the shape got what the servo did not need.
-    assert certificate.budget.rounding == certificate.result.path.path.tolerance > 0.98 * TOLERANCE
-    assert certificate.budget.rounding + certificate.budget.servo_allowed == pytest.approx(
-        TOLERANCE
-    )
+    shaped = certificate.result.path.path
+    assert 0.98 * TOLERANCE < certificate.budget.rounding == shaped.deviation <= shaped.tolerance
+    assert shaped.tolerance + certificate.budget.servo_allowed == pytest.approx(TOLERANCE)
 
 
 def test_a_note_states_if_shaping_is_not_faster_than_arcs(job, certified):

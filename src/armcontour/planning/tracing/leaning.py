@@ -56,6 +56,10 @@ from armcontour.robot.inverse_kinematics import POINT
 # Shares of a cone, or of a head's tolerance, that are used at the stations. The next one is tried
 # if the tool leans too far between the stations.
 SHARES = (1.0, 0.85, 0.6, 0.4)
+# Number of times that stations become closer where the tool of a head leans too far, and number of
+# intervals on both sides of this place that are halved
+HEAD_REFINEMENTS = 12
+HALVED_AROUND = 6
 # Number of iterations of this smoothing
 LEANING_ROUNDS = 40
 # Number of directions in which the tool leans by a constant rotation, and the share of the cone by
@@ -332,12 +336,57 @@ def _trace_head(
     path: Path, arm: SerialArm, head: Head, seed: FloatArray | None, refine: Refine
 ) -> JointPath:
     """Trace a path with a head near its pole; the tool axis is within a tolerance."""
+    knots = first_knots(path, arm.span, HEAD_FINER)
+    needed = path.stops
+    for _ in range(HEAD_REFINEMENTS):
+        try:
+            return _trace_head_at(path, arm, head, seed, refine, knots, needed)
+        except Unreachable as error:
+            if error.limit != "cone" or error.s is None:
+                raise
+            # The first axis turns too fast for the stations near this place.
+            knots, needed = _finer_near(path, knots, needed, error.s)
+    return _trace_head_at(path, arm, head, seed, refine, knots, needed)
+
+
+def _finer_near(
+    path: Path, knots: Knots, needed: FloatArray, place: float
+) -> tuple[Knots, FloatArray]:
+    """Halve the intervals of knots near a place, where all knots become stations.
+
+    Returns the knots and the arc lengths that must be stations [m].
+
+    - `needed`: arc lengths that must be stations so far [m].
+    - `place`: arc length of the place [m].
+    """
+    i = int(np.searchsorted(knots.s0, place, side="right")) - 1
+    near = np.zeros(len(knots), dtype=np.bool_)
+    near[max(i - HALVED_AROUND, 0) : i + HALVED_AROUND + 1] = True
+    finer = knots.halve(near, ((knots.u0 + knots.u1) / 2)[near])[0]
+    s = np.append(finer.s0, path.length)
+    first, last = np.flatnonzero(near)[[0, -1]]
+    ends = np.append(knots.s0, path.length)[[first, last + 1]]
+    return finer, np.union1d(needed, s[(s >= ends[0]) & (s <= ends[1])])
+
+
+def _trace_head_at(
+    path: Path,
+    arm: SerialArm,
+    head: Head,
+    seed: FloatArray | None,
+    refine: Refine,
+    knots: Knots,
+    needed: FloatArray,
+) -> JointPath:
+    """Trace a path as `_trace_head`, with given knots.
+
+    - `needed`: arc lengths of knots that must be stations [m].
+    """
     moving, _ = without_held(arm)
     cone = max(HEAD_TOLERANCE, cone_of(path))
-    knots = first_knots(path, arm.span, HEAD_FINER)
     s = np.append(knots.s0, path.length)
     poses = row_of_poses(path, knots)
-    stations = stations_of(s, poses[:, :, 2], path.stops)
+    stations = stations_of(s, poses[:, :, 2], needed)
 
     def attempt(share: float) -> JointPath:
         """Trace with a share of the tolerance at the stations."""

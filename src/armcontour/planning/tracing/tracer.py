@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
@@ -84,6 +85,8 @@ SKETCHED = 0.01
 # Largest number of intervals between knots that are solved at once. More do not fit into the
 # processor's cache, and their tables would take most of the memory of a long path.
 INTERVALS_AT_ONCE = 1024
+# Cones that are tried as remedies near the pole of a head [rad]
+TRIED_CONES = tuple(np.radians([0.2, 1.0, 5.0]).tolist())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -762,10 +765,12 @@ def _trace_serial(
             return _complete(tries, max_count)
         return _trace_exactly(path, arm, task, near, tolerance, max_count)
     except Unreachable as error:
-        # From a seed, only one configuration is tried; callers try the others. Near the pole of a
-        # head, the singularity of the required axis is no cause.
-        if seed is not None or (leaning and cone_of(path) == 0.0):
+        # From a seed, only one configuration is tried; callers try the others.
+        if seed is not None:
             raise
+        # Near the pole of a head, the singularity of the required axis is no cause.
+        if leaning and cone_of(path) == 0.0:
+            raise _with_cone_remedy(error, path, arm, tolerance) from None
         if not has_other_cause(error, arm):
             raise
         turned = turn_as_tool(path, moving)
@@ -782,6 +787,22 @@ def _trace_serial(
             return _complete(tries_near, max_count)
         except Unreachable:
             raise error from None
+
+
+def _with_cone_remedy(
+    error: Unreachable, path: Path, arm: SerialArm, tolerance: float
+) -> Unreachable:
+    """Return the error of a head near its pole, with the smallest tried cone that is enough."""
+    for cone in TRIED_CONES:
+        with suppress(Unreachable):
+            _trace_serial(path.with_cone(cone), arm, None, tolerance, 1)
+            remedy = Unreachable(
+                f"{error} A cone of {np.degrees(cone):g} deg around the required tool axis "
+                "(`cone` of the orientation) was tried and is enough."
+            )
+            vars(remedy).update(vars(error))
+            return remedy
+    return error
 
 
 def _trace_postures(

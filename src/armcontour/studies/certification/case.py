@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import ServoPlant
-from armcontour.studies.certification.derating import Derating, plan_derated
+from armcontour.studies.certification.derating import Derating, largest_squares, plan_derated
 from armcontour.verification.contour_errors import unexplained_errors
 
 # Time between two results of the execution that proves a plan [s].
@@ -107,6 +107,10 @@ class Case:
         saturation = "none" if ideal else None
         return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
 
+    def with_run(self, **changes: Any) -> Case:
+        """Copy with fields of the run replaced that do not change its fastest plan."""
+        return replace(self, planned=replace(self.planned, run=replace(self.run, **changes)))
+
     def demand_ratio(self, commanded_acceleration: FloatArray) -> FloatArray:
         """Return commanded accelerations / the bound of saturation in their direction, (n, dof)."""
         bounds = self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
@@ -187,6 +191,16 @@ class Move:
     def derated(self, arm: Arm, derating: Derating) -> Self:
         """Plan the move again, within derated limits."""
         plan = plan_derated(self.joint_path, arm, self.limits, derating, self.options)
+        return replace(self, derating=derating, plan=plan, trials=self.trials + 1)
+
+    def slowed(self, factor: float) -> Self:
+        """Slow the fastest plan down evenly, to `factor` times its duration."""
+        rate = 1 / factor
+        derating = Derating.nothing(self.joint_path, self.options.intervals)
+        squares = largest_squares(self.fastest, derating.cells)
+        derating = derating.with_cap(squares * rate**2, "even")
+        derating = derating.with_share(np.full_like(derating.share, rate**2), "even")
+        plan = replace(self.fastest, laws=tuple(x.stretched(rate) for x in self.fastest.laws))
         return replace(self, derating=derating, plan=plan, trials=self.trials + 1)
 
 

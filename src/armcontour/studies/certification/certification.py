@@ -13,7 +13,7 @@ from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
-from armcontour.geometry import Path, ShapedPath
+from armcontour.geometry import Path
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.certificate_goal import CertificateGoal
 from armcontour.jobs.job import (
@@ -46,9 +46,10 @@ from armcontour.studies.certification.certificate import (
 from armcontour.studies.certification.derating import DeratedLimits, derated_intervals
 from armcontour.studies.certification.derating_search import (
     AttemptVerdict,
-    attempts,
-    verify_attempt,
+    SearchEnded,
+    search_verdict,
 )
+from armcontour.studies.certification.even_slowing import slow_down
 from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -239,7 +240,7 @@ def _find_fastest(base: Case, run: Run) -> _Found:
     tolerance = goal.tolerance
     uncertified = _execute_uncertified(base)
     pairs = zip(base.program.contours, base.planned.objective.contours, strict=True)
-    is_rounded = any(bound_deviation(x.path, drawn.path).total > 0 for x, drawn in pairs)
+    is_rounded = any(Deviation.of_path(x.path, drawn.path).total > 0 for x, drawn in pairs)
     if tolerance is None or not is_rounded:
         # The servo may use the whole tolerance.
         case = replace(base, servo_allowed=goal.servo_error or tolerance or 0.0)
@@ -279,10 +280,12 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> AttemptVerdict:
     fastest = None
     while budgets:
         budget = budgets.pop(0)
+        is_last = fastest is None and not budgets
         try:
-            verdict = find_verdict(_plan_case(base.job, run, goal, base.progress, budget))
+            case = _plan_case(base.job, run, goal, base.progress, budget)
+            verdict = find_verdict(case) if is_last else search_verdict(case)
         except NotRealizable:
-            if fastest is None and not budgets:
+            if is_last:
                 raise
             continue
         if fastest is not None and verdict.duration >= fastest.duration:
@@ -299,23 +302,14 @@ def _split_tolerance(base: Case, run: Run, tolerance: float) -> AttemptVerdict:
 def find_verdict(case: Case) -> AttemptVerdict:
     """Find the fastest attempt that is certified; return its verdict.
 
+    If derating does not satisfy the goal, the whole motion is slowed down evenly.
+
     Raises NotRealizable if no plan satisfies the goal; the message names the contour.
     """
-    if case.budget <= 0:
-        raise NotRealizable(
-            f"The errors across the path that the servo model does not explain must be less than "
-            f"the allowed {case.servo_allowed * 1e3:.3g} mm, but can be up to "
-            f"{case.model_error * 1e3:.3g} mm. Allow a larger error, or use a servo model with a "
-            "smaller `model_error`.",
-            limit="contour error",
-            needed=case.model_error,
-            allowed=case.servo_allowed,
-        )
-    search = attempts(case)
-    attempt = next(search)
-    while not (verdict := verify_attempt(case, attempt)).kept:
-        attempt = search.send(verdict)
-    return verdict
+    try:
+        return search_verdict(case)
+    except SearchEnded as refusal:
+        return slow_down(case, refusal)
 
 
 def _make_certificate(found: _Found, plant: RigidBodyPlant | None) -> Certificate:
@@ -409,7 +403,7 @@ def _make_budget(
     - `drawn`: the contour before rounding.
     - `worst`: largest error of the robots of the box [m]; 0 without a box.
     """
-    deviation = bound_deviation(piece.path, drawn)
+    deviation = Deviation.of_path(piece.path, drawn)
     servo = _larger_error(continuous)
     nominal = _larger_error(piece)
     return Budget(
@@ -477,15 +471,3 @@ def describe_model(case: Case) -> str:
     if case.goal.box is not None:
         parts.append(f"and all robots of the box: {case.goal.box}")
     return "; ".join(parts)
-
-
-def bound_deviation(path: Path, objective: Path) -> Deviation:
-    """Bound the distances between a path and its objective path, in both directions.
-
-    That of a path with the shape "free" is its tolerance, within which it is proven to be.
-    """
-    if not isinstance(path, ShapedPath):
-        return Deviation.of_path(path, objective)
-    pairs = ((x.vertices, x.curvatures) for x in (path, path.objective))
-    unchanged = all(np.array_equal(a, b) for a, b in zip(*pairs, strict=True))
-    return Deviation(rounding=0.0 if unchanged else path.tolerance)

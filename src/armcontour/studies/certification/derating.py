@@ -21,8 +21,9 @@ from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 
 # Causes of derating: acceleration of plan and command, speed of plan and command, speed of the
-# executed tool, contour error of the robot, and contour error of robots of the box.
-CAUSES = ("acceleration", "speed", "tool", "error", "box")
+# executed tool, contour error of the robot, contour error of robots of the box, and even slowing
+# where derating single cells is not enough.
+CAUSES = ("acceleration", "speed", "tool", "error", "box", "even")
 # A cell whose limit is reduced by at most this share counts as not derated, because searches aim
 # slightly below limits.
 LEAST_REDUCTION = 1e-5
@@ -37,6 +38,7 @@ REASONS = {
     "tool": "the speed of the executed tool, which exceeded the assigned velocity",
     "error": "the contour error",
     "box": "the contour error of robots of the box",
+    "even": "the even slowing of the whole motion",
 }
 
 

@@ -21,6 +21,8 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.progress import Step
+from armcontour.core.render import number
+from armcontour.core.text import digits, distinct
 from armcontour.geometry import ShapedPath
 from armcontour.motion import Execution, JointPath, PathLaw, SetPoints, Trajectory, largest_shares
 from armcontour.planning.tracing import check_joint_range
@@ -87,12 +89,18 @@ PHASE_TOLERANCE = 1e-9
 # Largest fraction of the budget that the deviation from the previous move may use at the start of a
 # contour.
 ENTRY_SHARE = 0.25
+# Number of significant digits of ratios in messages, which can be close to 1.
+RATIO_DIGITS = 7
 # Estimated ratios to limits and budget in the n cells of a move by cause, (n,) or (n, dof).
 Uses = dict[str, FloatArray]
 # Ratios at which the derating of a move aims, by cause. Verdicts reduce them.
 Goals = dict[str, float]
 # Parts of executions, one per contour.
 Pieces = Sequence[Sequence[ContourExecution]]
+
+
+class SearchEnded(NotRealizable):
+    """Derating does not satisfy the goal; the message states what limits it, without a remedy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -224,23 +232,45 @@ def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
     return bounds
 
 
+def search_verdict(case: Case) -> AttemptVerdict:
+    """Find the fastest derated attempt that is certified; return its verdict.
+
+    Raises SearchEnded if derating does not satisfy the goal.
+    """
+    if case.budget <= 0:
+        raise NotRealizable(
+            f"The errors across the path that the servo model does not explain must be less than "
+            f"the allowed {case.servo_allowed * 1e3:.3g} mm, but can be up to "
+            f"{case.model_error * 1e3:.3g} mm. Allow a larger error, or use a servo model with a "
+            "smaller `model_error`.",
+            limit="contour error",
+            needed=case.model_error,
+            allowed=case.servo_allowed,
+        )
+    search = attempts(case)
+    attempt = next(search)
+    while not (verdict := verify_attempt(case, attempt)).kept:
+        attempt = search.send(verdict)
+    return verdict
+
+
 GOALS |= {"error": 0.995, "box": 0.995}
 
 
 def attempts(case: Case) -> Generator[Attempt, AttemptVerdict, None]:
     """Yield attempts that are estimated to satisfy the goal, and receive their verdicts.
 
-    Raises NotRealizable if no plan satisfies the goal; the message names the move.
+    Raises SearchEnded if no attempt satisfies the goal; the message names the move.
     """
     robots = _corner_robots(case)
-    moves = _fastest_moves(case, robots)
+    moves = fastest_moves(case)
     goals = [GOALS.copy() for _ in moves]
-    for number in range(1, MAX_VERDICTS + 1):
+    for verdict_number in range(1, MAX_VERDICTS + 1):
         tries = Counter[int]()
         active = set(range(len(moves)))
         while active:
             trials = sum(x.trials for x in moves if x.number is not None)
-            name = f"trial {trials} before check {number} of at most {MAX_VERDICTS}"
+            name = f"trial {trials} before check {verdict_number} of at most {MAX_VERDICTS}"
             case.progress(Step((name,)))
             attempt = Attempt.joined(case, moves)
             runs = execute(case, attempt.set_points, robots)
@@ -255,7 +285,7 @@ def attempts(case: Case) -> Generator[Attempt, AttemptVerdict, None]:
         verdict = yield attempt
         _correct(verdict, moves, goals)
     k = int(np.argmax([max(x.values()) for x in verdict.ratios]))
-    _refuse(case, attempt.contours[k], verdict.ratios[k])
+    _end_search(case, attempt.contours[k], verdict.ratios[k])
 
 
 def _corner_robots(case: Case) -> FloatArray:
@@ -275,11 +305,9 @@ def execute(case: Case, set_points: SetPoints, robots: FloatArray) -> list[Execu
     return runs + [simulate(set_points, case.plant(x, ideal=True), resolution=step) for x in servos]
 
 
-def _fastest_moves(case: Case, robots: FloatArray) -> list[Move]:
-    """Plan all moves without derating, with pauses in which the tool settles before contours.
-
-    - `robots`: parameter errors of the robots on which the tool must settle, (m, 3, dof).
-    """
+def fastest_moves(case: Case) -> list[Move]:
+    """Plan all moves without derating, with pauses in which the tool settles before contours."""
+    robots = _corner_robots(case)
     moves: list[Move] = []
     count = 0  # Number of contours so far
     stood = 0.0  # Duration of the dwells since the previous move [s]
@@ -499,7 +527,7 @@ def _derate(case: Case, move: Move, uses: Uses, goals: Goals, tries: int) -> Mov
             slowest = case.goal.slowest
             if move.number is None or slower.plan.duration < slowest * move.fastest.duration:
                 return slower
-    _refuse(case, move, {cause: float(use.max()) for cause, use in uses.items()}, goals)
+    _end_search(case, move, {cause: float(use.max()) for cause, use in uses.items()}, goals)
 
 
 def _correct(verdict: AttemptVerdict, moves: list[Move], goals: list[Goals]) -> None:
@@ -525,72 +553,50 @@ def _slow_duration(move: Move, caps: FloatArray) -> float:
     return float((move.derating.width[moving] / speeds).sum())
 
 
-def _estimate_duration(case: Case, move: Move) -> str:
-    """Clause on the duration with which all robots of the box stay within the budget."""
-    caps = slow_motion_caps(case, move.joint_path, move.derating.cells)
-    duration = max(_slow_duration(move, caps), move.fastest.duration)
-    ratio = duration / move.fastest.duration
-    if not case.goal.slowest < ratio < np.inf:
-        return ""
-    return (
-        f", or a longer motion: about {duration:.2g} s are needed by an estimate for slow motion, "
-        f"so slowest must be more than {ratio:.2g}, but is {case.goal.slowest:g}"
-    )
-
-
-def _refuse(
+def _end_search(
     case: Case, move: Move, ratios: Mapping[str, float], goals: Goals | None = None
 ) -> NoReturn:
-    """Raise NotRealizable with the limiting constraint of the last attempt, and remedies.
+    """Raise SearchEnded with the limiting constraint of the last attempt.
 
     `goals`: the ratios that the search aimed at; by default 1. Verdicts reduce them.
     """
     aims = goals or dict.fromkeys(ratios, 1.0)
     cause = max(ratios, key=lambda x: ratios[x] / aims[x])
     ratio = ratios[cause]
-    compensation = case.run.compensation
-    cycle = case.run.cycle
-    is_held = case.servo.interpolation == "step"
-    finer = "linear interpolation" if is_held else "a shorter cycle"
-    advice = f"Use {finer}"
-    if cause == "box":
-        advice = "Reduce the uncertainty of the robot (a smaller box)"
-    elif not compensation.compensates:
-        advice = "Compensate the lag of the servo"
-    elif compensation.for_bodies and cause == "acceleration":
-        finer = "compensation inverse (inverse_dynamics is for rigid bodies)"
+    cycle = number(case.run.cycle, "s")
+    held = ", which are held," if case.servo.interpolation == "step" else ""
     # Ratios of "tool" are those of squared speeds.
     tool = (1 + SPEED_SLACK) * ratio**0.5
     error = ratio * case.budget
-    over = " of the worst robot of the box" * (cause == "box")
-    contour_error = (
-        f"the largest contour error{over} must be at most {case.budget * 1e3:.3g} mm, but is "
-        f"{error * 1e3:.3g} mm in the slowest plan that was tried, which takes "
-        f"{move.plan.duration:.3g} s. {advice}, or allow a larger error"
-    )
-    if cause == "box":
-        contour_error += _estimate_duration(case, move)
+    robot = " of the worst robot of the box" if cause == "box" else ""
+    needed_error, allowed_error = distinct(error * 1e3, case.budget * 1e3)
     limit, needed, allowed, text = {
         "acceleration": (
             *("joint_acceleration", ratio, 1.0),
-            f"set-points every {cycle * 1e3:g} ms{', which are held,' * is_held} require "
-            f"{ratio:.3g} times the acceleration limit of a joint. Use {finer}",
+            f"set-points every {cycle}{held} require {digits(ratio, RATIO_DIGITS)} times the "
+            "acceleration limit of a joint",
         ),
         "speed": (
             *("speed", ratio, 1.0),
-            f"a limit of the plan, or of the velocity of set-points, is exceeded by "
-            f"{ratio - 1:.2g} of its value, or a command is outside a joint range. Increase the "
-            "limit, or move the path away from the ends of the joint ranges",
+            f"a limit of the plan, or of the velocity of set-points, is used "
+            f"{digits(ratio, RATIO_DIGITS)} times, or a command is outside a joint range",
         ),
         "tool": (
             *("speed", tool, 1 + SPEED_SLACK),
             f"the executed tool moves at {tool:.5g} times the assigned velocity, but at most "
-            f"{1 + SPEED_SLACK:g} times is allowed. {advice}, or reduce the assigned velocity in "
-            "smaller steps",
+            f"{1 + SPEED_SLACK:g} times is allowed",
         ),
-    }.get(cause, ("contour error", error, case.budget, contour_error))
+    }.get(
+        cause,
+        (
+            *("contour error", error, case.budget),
+            f"the largest contour error{robot} must be at most {allowed_error} mm, but is "
+            f"{needed_error} mm in the slowest derated plan, which takes "
+            f"{number(move.plan.duration, 's')}",
+        ),
+    )
     with move.step.named():
-        raise NotRealizable(
+        raise SearchEnded(
             f"No plan within {case.goal.slowest:g} times the {move.fastest.duration:.3g} s of the "
             f"uncertified optimum is certified, because {text}.",
             limit=limit,
