@@ -78,6 +78,10 @@ LONGEST_REBUILT = 0.1
 EXTRA_SHARE = 0.25
 # Number of velocities before and after a wrong interval from which accelerations are computed.
 SLOPE_SAMPLES = 7
+# Slopes of parabolas are used if their noise changes the time by at most this fraction.
+LARGEST_SLOPE_ERROR = 0.02
+# If the clock's rate differs from 1 by more than this beside wrong intervals, many others are wrong.
+MANY_WRONG = 0.01
 # Number of Gauss-Newton steps that solve for a wrong interval.
 GAUSS_NEWTON_STEPS = 4
 # Shortest rebuilt time, as a fraction of the sample interval.
@@ -90,8 +94,10 @@ MAX_RATE_ERROR = 0.25
 RATE_WINDOW = 0.1
 # Number of parts of a log whose scatter is the error of the clock's rate.
 RATE_PARTS = 8
+# Product of the gains of a fast servo [1/s²].
+HELD_GAINS = 5e3
 # Smallest difference of a clock's rate from 1 that is corrected.
-LEAST_RATE_ERROR = 3e-4
+LEAST_RATE_ERROR = 5e-4
 # The difference must also exceed this multiple of its standard deviation.
 RATE_SIGMAS = 4.0
 # Remedy for times that cannot be rebuilt.
@@ -330,23 +336,29 @@ def _refine_factors(log: Log, intervals: _Intervals, wrong: BoolArray) -> FloatA
         Δq = τ (v_0 + v_1) / 2 + τ² (a_0 - a_1) / 12,
 
     which is exact for a cubic velocity. The accelerations a_0 before and a_1 after the interval are
-    those of lines through the nearest SLOPE_SAMPLES velocities. Gauss-Newton steps solve for τ.
+    the slopes of parabolas through the nearest SLOPE_SAMPLES velocities at their ends, or of lines
+    if the noise of the velocities is too large. Gauss-Newton steps solve for τ.
     """
     assert log.velocity is not None
     factor = intervals.factor.copy()
     noise = np.maximum(white_noise(log.measured), TINY_SPEED * log.interval)
-    # Weights of a line's slope, for unit spacing.
-    slope = np.arange(SLOPE_SAMPLES) - (SLOPE_SAMPLES - 1) / 2
-    slope = slope / np.sum(slope**2) / log.interval
+    noise_v = white_noise(log.velocity)
+    # Weights of the velocities after an interval in their slopes at the first of them.
+    places = np.arange(SLOPE_SAMPLES) * log.interval
+    line, parabola = (np.linalg.pinv(np.vander(places, n))[-2] for n in (2, 3))
     for i in np.flatnonzero(wrong).tolist():
         if not SLOPE_SAMPLES <= i + 1 <= len(log.t) - SLOPE_SAMPLES:
             continue
         before = log.velocity[i + 1 - SLOPE_SAMPLES : i + 1]
         after = log.velocity[i + 1 : i + 1 + SLOPE_SAMPLES]
         mean = (before[-1] + after[0]) / 2
-        bend = (slope @ before - slope @ after) / 12
         step = log.measured[i + 1] - log.measured[i]
         time = float(intervals.times[i])
+        # Deviation of the steps due to the noise of the slopes, in multiples of their noise.
+        spread = np.linalg.norm(parabola) * np.linalg.norm(noise_v / noise) * time**2 / 12
+        exact = spread < LARGEST_SLOPE_ERROR * np.linalg.norm(step / noise)
+        slope = parabola if exact else line
+        bend = (-slope @ before[::-1] - slope @ after) / 12
         for _ in range(GAUSS_NEWTON_STEPS):
             gradient = (mean + 2 * time * bend) / noise
             error = (step - time * mean - time**2 * bend) / noise
@@ -400,7 +412,8 @@ def _rebuild_intervals(log: Log) -> Log:
     kept = np.append(True, ~extra)
     findings = (*log.findings, *findings)
     rebuilt = _at_true_times(log, true, kept, stalls)
-    if _clock_rate(rebuilt) is not None:
+    rate = _clock_rate(rebuilt)
+    if rate is not None and abs(rate - 1) > MANY_WRONG:
         # The other times are wrong, too, by less than can be told for each of them.
         known = ~wrong & (intervals.deviation < WRONG_SHARE)
         least = SHORTEST_SHARE * log.interval
@@ -420,6 +433,9 @@ def _causes_of(log: Log, intervals: _Intervals, wrong: BoolArray) -> list[_Cause
     extra = wrong & usual & (intervals.factor < EXTRA_SHARE)
     late = wrong & usual & ~extra & (intervals.factor > 1)
     continues = commands.factor - 1 > WRONG_SHARE * (intervals.factor - 1)
+    # Where the commands rest or turn, the cause is that of most other intervals.
+    known = late & commands.steady
+    continues = np.where(commands.steady, continues, 2 * continues[known].sum() > known.sum())
     return [
         _Cause("stall", "The set-points waited before", late & ~continues),
         _Cause("dropped", "Samples are missing before", late & continues),
@@ -513,6 +529,10 @@ def _clock_rate(log: Log) -> float | None:
     recorded time, b an offset of the velocities, and d their delay. Least squares determine the
     three for each joint. The standard deviation of r is that of fits without one part of the log
     each (jackknife).
+
+    If the controller holds set-points, velocities ripple with their cycle T, and samples of a joint
+    with the gains K_p and K_v are too small by the fraction `K_p K_v T² / 12`. Therefore a rate
+    above 1 by at most this fraction is no finding, unless the log states linear interpolation.
     """
     v = log.velocity
     if v is None:
@@ -543,6 +563,8 @@ def _clock_rate(log: Log) -> float | None:
     deviation = float(np.std(rates[1:]) * np.sqrt(RATE_PARTS - 1))
     # NaN fails the comparison.
     differs = abs(rate - 1) > max(LEAST_RATE_ERROR, RATE_SIGMAS * deviation)
+    if log.interpolation != "linear" and 1 < rate < 1 + HELD_GAINS * log.interval**2 / 12:
+        return None
     return rate if differs else None
 
 
