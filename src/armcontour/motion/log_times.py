@@ -15,16 +15,14 @@ velocities, and otherwise refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampled_data import DEVIATION_PER_MEDIAN, white_noise
-from armcontour.core.text import list_some
+from armcontour.core.sampled_data import DEVIATION_PER_MEDIAN, interpolate, white_noise
 from armcontour.motion.log import FEWEST, Log
 from armcontour.motion.log_checks import GAP
 from armcontour.motion.time_finding import TimeFinding, name_samples
@@ -80,13 +78,19 @@ EXTRA_SHARE = 0.25
 SLOPE_SAMPLES = 7
 # Slopes of parabolas are used if their noise changes the time by at most this fraction.
 LARGEST_SLOPE_ERROR = 0.02
-# If the clock's rate differs from 1 by more than this beside wrong intervals, many others are wrong.
+# Times by slopes of lines and of parabolas may differ by this fraction (median).
+LARGEST_DIFFERENCE = 0.03
+# If the clock's rate also differs from 1 by more than this, the other intervals are wrong, too.
 MANY_WRONG = 0.01
 # Number of Gauss-Newton steps that solve for a wrong interval.
 GAUSS_NEWTON_STEPS = 4
 # Shortest rebuilt time, as a fraction of the sample interval.
 SHORTEST_SHARE = 0.05
-# Velocities fit the positions if this fraction of the intervals agrees with them.
+# Number of samples over which velocities and positions are compared.
+FITTED_SAMPLES = 5
+# Velocities are compared with positions if they are above this percentile of each joint.
+FAST_PERCENTILE = 60
+# Velocities fit the positions if this fraction of the compared ones agrees with them.
 FITTING_SHARE = 0.7
 # Largest difference of a clock's rate from 1. A larger one is that of another unit.
 MAX_RATE_ERROR = 0.25
@@ -100,10 +104,14 @@ HELD_GAINS = 5e3
 LEAST_RATE_ERROR = 5e-4
 # The difference must also exceed this multiple of its standard deviation.
 RATE_SIGMAS = 4.0
-# Remedy for times that cannot be rebuilt.
+# Remedies for times that cannot be rebuilt, without and with velocities.
 RECORD_TIMES = (
     "Record the controller's own times, or also the measured velocities (columns such as "
     "measured velocity 1 [rad/s]), from which the times are rebuilt."
+)
+RECORD_FASTER = (
+    "The measured velocities do not determine the true times. Record at a higher rate, or record "
+    "the controller's own times."
 )
 
 
@@ -118,7 +126,8 @@ def repair_times(log: Log) -> Log:
     >>> t = np.arange(500) * 2e-3
     >>> q = 0.3 * np.sin(np.column_stack([5 * t, 4 * t + 1]))
     >>> q[[200, 300], 0] = q[[201, 301], 0]  # one cycle newer than joint 2
-    >>> [(x.kind, x.samples.tolist()) for x in repair_times(ac.Log(t=t, command=q, measured=q)).findings]
+    >>> repaired = repair_times(ac.Log(t=t, command=q, measured=q))
+    >>> [(x.kind, x.samples.tolist()) for x in repaired.findings]
     [('torn', [200, 300])]
 
     Args:
@@ -137,7 +146,7 @@ def repair_times(log: Log) -> Log:
     return replace_repeated_positions(log)
 
 
-def _with_finding(log: Log, finding: TimeFinding, **fields: object) -> Log:
+def _with_finding(log: Log, finding: TimeFinding, **fields: Any) -> Log:
     """Return the log with a finding, and with other fields."""
     return replace(log, findings=(*log.findings, finding), **fields)
 
@@ -151,11 +160,16 @@ def _use_velocities(log: Log) -> Log:
     v = log.velocity
     if v is None or not np.any(v):
         return replace(log, velocity=None)
-    intervals = _Intervals.of(log, v)
-    sure = intervals.sure
-    if not sure.any():
-        return log
-    factors = intervals.factor[sure]
+    # Over several samples, the noise of the positions counts less.
+    k = min(FITTED_SAMPLES, len(v) - 1)
+    integral = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(log.t)[:, None], axis=0)
+    change = integral[k:] - integral[:-k]
+    fast = np.abs(change) > np.percentile(np.abs(change), FAST_PERCENTILE, axis=0)
+    fast &= np.abs(change) > 0
+    steps = log.measured[k + 1 :] - log.measured[1:-k]
+    factors = steps[fast] / change[fast]
+    if not len(factors):
+        return replace(log, velocity=None)
     factor = float(np.median(factors))
     if np.mean(np.abs(factors / factor - 1) < SHIFT_SLACK) < FITTING_SHARE or factor <= 0:
         note = (
@@ -186,7 +200,9 @@ class _Intervals:
     measured: bool  # Whether the speeds were measured
 
     @classmethod
-    def of(cls, log: Log, velocity: FloatArray | None, values: FloatArray | None = None) -> _Intervals:
+    def of(
+        cls, log: Log, velocity: FloatArray | None, values: FloatArray | None = None
+    ) -> _Intervals:
         """Compare steps of positions with velocities; None for the median of neighbouring steps.
 
         - `velocity`: measured velocities [rad/s], (n, dof).
@@ -209,7 +225,9 @@ class _Intervals:
         if velocity is None:
             # A joint that sticks and slips moves slowly.
             change = np.sum((_change(speed) / scale) ** 2, axis=1)
-            steady = (change <= STEADY_SHARE**2 * power) & (power >= (WRONG_SIGMAS / WRONG_SHARE) ** 2)
+            steady = (change <= STEADY_SHARE**2 * power) & (
+                power >= (WRONG_SIGMAS / WRONG_SHARE) ** 2
+            )
         return cls(
             factor=np.sum(rates * speed / scale**2, axis=1) / power,
             deviation=1 / np.sqrt(power),
@@ -240,7 +258,9 @@ class _Intervals:
             max(WRONG_SHARE * self.interval, 0.0 if self.measured else JITTER_FACTOR * jitter),
             WRONG_SIGMAS * self.deviation * self.steps,
         )
-        wrong = self.steady & (np.abs(excess) > least)
+        # The time does not run back, so a joint that does moves otherwise.
+        forward = self.times > -WRONG_SHARE * self.interval
+        wrong = self.steady & forward & (np.abs(excess) > least)
         # After a gap, the motion may be another one, unless it continues as if there were none.
         after_gap = self.steps > GAP * self.interval
         continues = np.abs(self.times - self.interval) < SHIFT_SLACK * self.interval
@@ -331,13 +351,16 @@ def _interpolate_samples(log: Log, kind: str, samples: IntArray) -> Log:
 
 
 def _refine_factors(log: Log, intervals: _Intervals, wrong: BoolArray) -> FloatArray:
-    """Return the factors of intervals, with those of wrong ones as solutions of
+    """Return the factors of intervals, those of wrong ones from velocities and accelerations.
 
-        Δq = τ (v_0 + v_1) / 2 + τ² (a_0 - a_1) / 12,
+    Their time τ solves `Δq = τ (v_0 + v_1) / 2 + τ² (a_0 - a_1) / 12`, which is exact for a cubic
+    velocity. The accelerations a_0 before and a_1 after the interval are the slopes of parabolas
+    through the nearest SLOPE_SAMPLES velocities at their ends, or of lines if the noise of the
+    velocities is too large. Gauss-Newton steps solve for τ.
 
-    which is exact for a cubic velocity. The accelerations a_0 before and a_1 after the interval are
-    the slopes of parabolas through the nearest SLOPE_SAMPLES velocities at their ends, or of lines
-    if the noise of the velocities is too large. Gauss-Newton steps solve for τ.
+    Raises:
+        InvalidInput: The samples are too far apart for these slopes: parabolas and lines give
+            different times.
     """
     assert log.velocity is not None
     factor = intervals.factor.copy()
@@ -346,6 +369,7 @@ def _refine_factors(log: Log, intervals: _Intervals, wrong: BoolArray) -> FloatA
     # Weights of the velocities after an interval in their slopes at the first of them.
     places = np.arange(SLOPE_SAMPLES) * log.interval
     line, parabola = (np.linalg.pinv(np.vander(places, n))[-2] for n in (2, 3))
+    differences = [0.0]
     for i in np.flatnonzero(wrong).tolist():
         if not SLOPE_SAMPLES <= i + 1 <= len(log.t) - SLOPE_SAMPLES:
             continue
@@ -356,15 +380,26 @@ def _refine_factors(log: Log, intervals: _Intervals, wrong: BoolArray) -> FloatA
         time = float(intervals.times[i])
         # Deviation of the steps due to the noise of the slopes, in multiples of their noise.
         spread = np.linalg.norm(parabola) * np.linalg.norm(noise_v / noise) * time**2 / 12
-        exact = spread < LARGEST_SLOPE_ERROR * np.linalg.norm(step / noise)
-        slope = parabola if exact else line
-        bend = (-slope @ before[::-1] - slope @ after) / 12
-        for _ in range(GAUSS_NEWTON_STEPS):
-            gradient = (mean + 2 * time * bend) / noise
-            error = (step - time * mean - time**2 * bend) / noise
-            time += float(gradient @ error) / max(float(gradient @ gradient), SMALLEST_DIVISOR)
-        factor[i] = time / intervals.steps[i]
+        exact = int(spread < LARGEST_SLOPE_ERROR * np.linalg.norm(step / noise))
+        bends = [(-x @ before[::-1] - x @ after) / 12 / noise for x in (line, parabola)]
+        times = [_solve_time(step / noise, mean / noise, x, time) for x in bends]
+        factor[i] = times[exact] / intervals.steps[i]
+        differences.append(abs(times[1] / times[0] - 1) * exact)
+    if np.median(differences) > LARGEST_DIFFERENCE:
+        _refuse(log, intervals, wrong)
     return factor
+
+
+def _solve_time(step: FloatArray, mean: FloatArray, bend: FloatArray, time: float) -> float:
+    """Return the time τ [s] that solves `step = τ mean + τ² bend` best; arrays are (dof,).
+
+    - `time`: first guess [s].
+    """
+    for _ in range(GAUSS_NEWTON_STEPS):
+        gradient = mean + 2 * time * bend
+        error = step - time * mean - time**2 * bend
+        time += float(gradient @ error) / max(float(gradient @ gradient), SMALLEST_DIVISOR)
+    return time
 
 
 class _Cause(NamedTuple):
@@ -391,14 +426,14 @@ def _rebuild_intervals(log: Log) -> Log:
     intervals = _Intervals.of(log, v)
     wrong = intervals.find_wrong()
     intervals = replace(intervals, factor=_refine_factors(log, intervals, wrong))
-    # Velocities that were computed from the recorded times cannot contradict them.
-    missed = unexplained & intervals.sure & ~wrong & (np.abs(intervals.factor - 1) < SHIFT_SLACK)
+    # Velocities that were computed from the recorded times do not contradict them.
+    missed = unexplained & ~wrong
     if missed.any():
         _refuse(log, by_neighbours, missed)
     if not wrong.any():
         return log
     true = np.where(wrong, intervals.times, intervals.steps)
-    undetermined = wrong & ((true > LONGEST_REBUILT) | (true < -WRONG_SHARE * log.interval))
+    undetermined = wrong & (true > LONGEST_REBUILT)
     if undetermined.any():
         _refuse(log, intervals, undetermined)
     causes = _causes_of(log, intervals, wrong)
@@ -410,16 +445,16 @@ def _rebuild_intervals(log: Log) -> Log:
     stalls = next(x.mask for x in causes if x.kind == "stall")
     true[extra] = 0.0
     kept = np.append(True, ~extra)
-    findings = (*log.findings, *findings)
-    rebuilt = _at_true_times(log, true, kept, stalls)
+    filled = stalls | dropped
+    rebuilt = _at_true_times(log, true, kept, filled, stalls)
     rate = _clock_rate(rebuilt)
     if rate is not None and abs(rate - 1) > MANY_WRONG:
         # The other times are wrong, too, by less than can be told for each of them.
         known = ~wrong & (intervals.deviation < WRONG_SHARE)
         least = SHORTEST_SHARE * log.interval
         true[known] = np.clip(intervals.times[known], least, LONGEST_REBUILT)
-        rebuilt = _at_true_times(log, true, kept, stalls)
-    return replace(rebuilt, findings=findings)
+        rebuilt = _at_true_times(log, true, kept, filled, stalls)
+    return replace(rebuilt, findings=(*log.findings, *findings))
 
 
 def _causes_of(log: Log, intervals: _Intervals, wrong: BoolArray) -> list[_Cause]:
@@ -472,20 +507,25 @@ def _refuse(log: Log, intervals: _Intervals, wrong: BoolArray) -> None:
     raise InvalidInput(
         f"The times of {log.source} are wrong: before {name_samples(samples, log.t[samples])}, the "
         f"positions change by {factor:.3g} times the speed before and after (median), as if a "
-        "program had waited, samples were lost, or a clock was set. " + RECORD_TIMES,
+        "program had waited, samples were lost, or a clock was set. "
+        + (RECORD_TIMES if log.velocity is None else RECORD_FASTER),
         index=i,
         t=float(log.t[i]),
     )
 
 
-def _at_true_times(log: Log, true: FloatArray, kept: BoolArray, stalls: BoolArray) -> Log:
-    """Return the log at true times, with samples in the stalls, in which the command is held.
+def _at_true_times(
+    log: Log, true: FloatArray, kept: BoolArray, filled: BoolArray, stalls: BoolArray
+) -> Log:
+    """Return the log at true times, with samples in stalls and in place of dropped ones.
 
-    Measured positions in a stall are cubic Hermite polynomials of the positions and velocities.
+    Their measured positions are cubic Hermite polynomials of the positions and velocities. The
+    command is held in stalls, and interpolated linearly where samples were dropped.
 
     - `true`: true times between samples [s], (n - 1,).
     - `kept`: mask of the samples to keep, (n,).
-    - `stalls`: mask of the intervals with stalls, (n - 1,).
+    - `filled`: mask of the intervals with new samples, (n - 1,).
+    - `stalls`: mask of those that are stalls, (n - 1,).
     """
     from scipy.interpolate import CubicHermiteSpline
 
@@ -493,7 +533,7 @@ def _at_true_times(log: Log, true: FloatArray, kept: BoolArray, stalls: BoolArra
     t = log.t[0] + np.append(0.0, np.cumsum(true))
     new = []
     sources = []
-    for i in np.flatnonzero(stalls).tolist():
+    for i in np.flatnonzero(filled).tolist():
         count = max(int(np.rint((t[i + 1] - t[i]) / log.interval)) - 1, 0)
         new.append(t[i] + log.interval * np.arange(1, count + 1))
         sources.append(np.full(count, i))
@@ -503,19 +543,21 @@ def _at_true_times(log: Log, true: FloatArray, kept: BoolArray, stalls: BoolArra
     order = np.argsort(times, kind="stable")
     times = times[order]
     rows = rows[order]
-    filled = np.concatenate([np.zeros(int(kept.sum()), bool), *[np.ones(len(x), bool) for x in new]])
-    filled = filled[order]
+    is_new = order >= int(kept.sum())
     measured = log.measured[rows]
-    measured[filled] = curve(times[filled])
+    measured[is_new] = curve(times[is_new])
     velocity = log.velocity[rows]
-    velocity[filled] = curve(times[filled], 1)
+    velocity[is_new] = curve(times[is_new], 1)
+    command = log.command[rows]
+    is_moving = is_new & ~np.append(stalls, False)[rows]
+    command[is_moving] = interpolate(times[is_moving], t[kept], log.command[kept])
     plan_time = None
     if log.plan_time is not None:
         plan_time = np.interp(times, t[kept], log.plan_time[kept])
     return replace(
         log,
         t=times,
-        command=log.command[rows],
+        command=command,
         measured=measured,
         velocity=velocity,
         plan_time=plan_time,
@@ -531,8 +573,8 @@ def _clock_rate(log: Log) -> float | None:
     each (jackknife).
 
     If the controller holds set-points, velocities ripple with their cycle T, and samples of a joint
-    with the gains K_p and K_v are too small by the fraction `K_p K_v T² / 12`. Therefore a rate
-    above 1 by at most this fraction is no finding, unless the log states linear interpolation.
+    with the gains K_p and K_v are wrong by a fraction of up to `K_p K_v T² / 12`. Therefore such a
+    difference from 1 is no finding, unless the log states linear interpolation.
     """
     v = log.velocity
     if v is None:
@@ -563,7 +605,7 @@ def _clock_rate(log: Log) -> float | None:
     deviation = float(np.std(rates[1:]) * np.sqrt(RATE_PARTS - 1))
     # NaN fails the comparison.
     differs = abs(rate - 1) > max(LEAST_RATE_ERROR, RATE_SIGMAS * deviation)
-    if log.interpolation != "linear" and 1 < rate < 1 + HELD_GAINS * log.interval**2 / 12:
+    if log.interpolation != "linear" and abs(rate - 1) < HELD_GAINS * log.interval**2 / 12:
         return None
     return rate if differs else None
 
