@@ -58,7 +58,8 @@ def read_log(
     measured position, are ignored. Measured velocities (`dq1`, `velocity 1`, `measured velocity 1
     [rad/s]`) show wrong times, see `identify`. Separators are commas, semicolons, tabs or blanks.
     Lines that start with # are comments; the comment `# interpolation: step` specifies the
-    interpolation between set-points. The column `plan time` of logs of `play` is the time of the plan.
+    interpolation between set-points. The column `plan time` of logs of `play` is the time of the
+    plan.
 
     A bag (.mcap, .db3, or its folder) needs the extra `ros` and the state of a joint trajectory
     controller. Times are the stamps of its messages, from the first one.

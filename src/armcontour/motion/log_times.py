@@ -72,6 +72,9 @@ SHIFT_SLACK = 0.35
 STEADY_SHARE = 1.0
 # Longest time between two samples that velocities determine [s], because they are averaged.
 LONGEST_REBUILT = 0.1
+# With a longer sample interval [s], accelerations are not known well enough for longer times than
+# GAP intervals.
+SLOWEST_REBUILT = 5e-3
 # An interval shorter than this fraction of the sample interval is that of a sample written twice.
 EXTRA_SHARE = 0.25
 # Number of velocities before and after a wrong interval from which accelerations are computed.
@@ -384,7 +387,7 @@ def _refine_factors(log: Log, intervals: _Intervals, wrong: BoolArray) -> FloatA
         bends = [(-x @ before[::-1] - x @ after) / 12 / noise for x in (line, parabola)]
         times = [_solve_time(step / noise, mean / noise, x, time) for x in bends]
         factor[i] = times[exact] / intervals.steps[i]
-        differences.append(abs(times[1] / times[0] - 1) * exact)
+        differences.append(abs(times[1] - times[0]) / max(abs(times[0]), log.interval) * exact)
     if np.median(differences) > LARGEST_DIFFERENCE:
         _refuse(log, intervals, wrong)
     return factor
@@ -425,6 +428,10 @@ def _rebuild_intervals(log: Log) -> Log:
         return log
     intervals = _Intervals.of(log, v)
     wrong = intervals.find_wrong()
+    commands = _Intervals.of(log, None, log.command)
+    # If the commands move on by their usual steps, the positions are old, but the time passed.
+    moves_on = commands.sure & (commands.factor > WRONG_SHARE)
+    wrong &= ~(moves_on & (np.abs(intervals.factor) < EXTRA_SHARE) & _is_usual(intervals))
     intervals = replace(intervals, factor=_refine_factors(log, intervals, wrong))
     # Velocities that were computed from the recorded times do not contradict them.
     missed = unexplained & ~wrong
@@ -433,10 +440,11 @@ def _rebuild_intervals(log: Log) -> Log:
     if not wrong.any():
         return log
     true = np.where(wrong, intervals.times, intervals.steps)
-    undetermined = wrong & (true > LONGEST_REBUILT)
+    longest = LONGEST_REBUILT if log.interval <= SLOWEST_REBUILT else GAP * log.interval
+    undetermined = wrong & (true > longest)
     if undetermined.any():
         _refuse(log, intervals, undetermined)
-    causes = _causes_of(log, intervals, wrong)
+    causes = _causes_of(commands, intervals, wrong)
     dropped = next(x.mask for x in causes if x.kind == "dropped")
     # Samples that were dropped leave whole intervals.
     true[dropped] = np.rint(true[dropped] / log.interval) * log.interval
@@ -457,14 +465,13 @@ def _rebuild_intervals(log: Log) -> Log:
     return replace(rebuilt, findings=(*log.findings, *findings))
 
 
-def _causes_of(log: Log, intervals: _Intervals, wrong: BoolArray) -> list[_Cause]:
+def _causes_of(commands: _Intervals, intervals: _Intervals, wrong: BoolArray) -> list[_Cause]:
     """Divide wrong intervals by their causes.
 
     If commands continue at their speed over an interval, samples were dropped. If they move by the
     step of one cycle, the set-points waited.
     """
-    commands = _Intervals.of(log, None, log.command)
-    usual = np.abs(intervals.steps - log.interval) < WRONG_SHARE * log.interval
+    usual = _is_usual(intervals)
     extra = wrong & usual & (intervals.factor < EXTRA_SHARE)
     late = wrong & usual & ~extra & (intervals.factor > 1)
     continues = commands.factor - 1 > WRONG_SHARE * (intervals.factor - 1)
@@ -477,6 +484,12 @@ def _causes_of(log: Log, intervals: _Intervals, wrong: BoolArray) -> list[_Cause
         _Cause("extra", "No time passed before", extra),
         _Cause("clock set", "The clock was set before", wrong & ~late & ~extra),
     ]
+
+
+def _is_usual(intervals: _Intervals) -> BoolArray:
+    """Return the mask of the intervals whose recorded times are about the usual one, (n - 1,)."""
+    interval = intervals.interval
+    return np.asarray(np.abs(intervals.steps - interval) < WRONG_SHARE * interval)
 
 
 def _describe(log: Log, cause: _Cause, true: FloatArray) -> TimeFinding:

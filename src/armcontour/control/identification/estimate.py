@@ -45,8 +45,8 @@ class Estimate(Result):
         sd: Standard deviation; nan for a parameter at the bound of its range, or with its nominal
             value.
         low, high: Ends of the 95 % interval; nan without one, as for `sd`, and for an effective
-            parameter, which compensates for an effect that is not modelled, or of a log whose times
-            were rebuilt.
+            parameter, which compensates for an effect that is not modelled, or of a log that was
+            repaired.
         determined: True if the logs determine the parameter: `sd` is at most 10 % of the value, at
             most 0.5 ms for a dead time, or at most 0.05 for feed-forward.
     """
