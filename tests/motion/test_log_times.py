@@ -225,6 +225,12 @@ def test_commands_name_the_samples(good, tmp_path, capsys, refuses):
     assert execute(check, Check(trajectory=file, arm="pmk3s")) in (0, 1, 7)
     named = f"{TORN[1] + 1} at {good.t[TORN[1]]:.4g} s"
     assert named in capsys.readouterr().out
-    stalled = recorded(joints=1, stalls=np.arange(250, 3900, 90))
-    file.write_text(log_text(dataclasses.replace(stalled, velocity=None)))
-    refuses(lambda: execute(identify, Identify(logs=[file])), InvalidInput, "252 at", "velocities")
+    stalled = dataclasses.replace(
+        recorded(joints=1, stalls=np.arange(250, 3900, 90)), velocity=None
+    )
+    with pytest.raises(InvalidInput) as caught:
+        repair_times(stalled)
+    index = caught.value.index
+    file.write_text(log_text(stalled))
+    call = lambda: execute(identify, Identify(logs=[file]))  # noqa: E731
+    refuses(call, InvalidInput, f"{index + 1} at", "velocities", index=index)

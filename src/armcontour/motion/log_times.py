@@ -199,6 +199,7 @@ class _Intervals:
     deviation: FloatArray  # Standard deviation of `factor`
     steps: FloatArray  # Recorded times between samples [s]
     steady: BoolArray  # Mask of the intervals about which the speed is known
+    alone: BoolArray  # Mask of the intervals whose steps differ from those of both neighbours
     interval: float  # Usual time between two samples [s]
     measured: bool  # Whether the speeds were measured
 
@@ -217,6 +218,7 @@ class _Intervals:
         steps = np.diff(log.t)
         rates = np.diff(q, axis=0) / steps[:, None]
         steady = np.full(len(steps), True)
+        alone = steady
         if velocity is None:
             speed = median_filter(rates, (NEIGHBOURS, 1), mode="nearest")
         else:
@@ -231,11 +233,13 @@ class _Intervals:
             steady = (change <= STEADY_SHARE**2 * power) & (
                 power >= (WRONG_SIGMAS / WRONG_SHARE) ** 2
             )
+            alone = _stands_out(rates / scale, speed / scale)
         return cls(
             factor=np.sum(rates * speed / scale**2, axis=1) / power,
             deviation=1 / np.sqrt(power),
             steps=steps,
             steady=steady,
+            alone=alone,
             interval=log.interval,
             measured=velocity is not None,
         )
@@ -263,7 +267,7 @@ class _Intervals:
         )
         # The time does not run back, so a joint that does moves otherwise.
         forward = self.times > -WRONG_SHARE * self.interval
-        wrong = self.steady & forward & (np.abs(excess) > least)
+        wrong = self.steady & self.alone & forward & (np.abs(excess) > least)
         # After a gap, the motion may be another one, unless it continues as if there were none.
         after_gap = self.steps > GAP * self.interval
         continues = np.abs(self.times - self.interval) < SHIFT_SLACK * self.interval
@@ -279,6 +283,20 @@ class _Intervals:
         around = np.stack([padded[k : k + count] for k in range(5)])
         wrong_around = np.stack([alone[k : k + count] for k in range(5)])
         return np.asarray(wrong & around.all(axis=0) & (wrong_around.sum(axis=0) <= 2))
+
+
+def _stands_out(rates: FloatArray, speed: FloatArray) -> BoolArray:
+    """Return the mask of rates that differ from both neighbours, which agree, (n,).
+
+    The rates are compared along `speed`. Both are relative to their deviations, (n, dof).
+    """
+    power = np.maximum(np.sum(speed**2, axis=1), SMALLEST_DIVISOR)
+    padded = np.pad(rates, ((1, 1), (0, 0)), mode="edge")
+    before = np.sum(padded[:-2] * speed, axis=1) / power
+    own = np.sum(rates * speed, axis=1) / power
+    after = np.sum(padded[2:] * speed, axis=1) / power
+    agree = np.abs(before - after) < SHIFT_SLACK
+    return np.asarray(agree & (np.abs(own - (before + after) / 2) > WRONG_SHARE))
 
 
 def _change(speed: FloatArray) -> FloatArray:
