@@ -32,8 +32,10 @@ from armcontour.jobs import Job, Run, find_resumption, prepare_program, round_pr
 from armcontour.jobs.job import find_run
 from armcontour.jobs.rows import set_point_rows
 from armcontour.motion import make_rule
-from armcontour.motion.log import raise_other_joints
+from armcontour.motion.log import FEWEST, Log, raise_other_joints
 from armcontour.motion.log_checks import check_range_of_log, refuse_wrapped
+from armcontour.motion.log_times import repair_times
+from armcontour.motion.time_finding import findings_table
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.limits import LIMITS
@@ -178,7 +180,12 @@ def _page(
     parts = {"clearance": clearance, "commands": commands}
     page = replace(
         data,
-        rows=(*data.rows, Row("left_out", samples.left_out), Row("notes", samples.notes)),
+        rows=(
+            *data.rows,
+            Row("left_out", samples.left_out),
+            Row("notes", samples.notes),
+            Row("findings", findings_table(samples.findings).as_dicts()),
+        ),
         parts={key: x.to_data() for key, x in parts.items() if x is not None},
     )
     return plain(page)
@@ -254,7 +261,37 @@ def _samples(options: Check, arm: Arm) -> TrajectoryFile:
             )
         if not slides:
             refuse_wrapped(position, samples.t, samples.q[:, j], j)
-    return _with_noise(samples, options.noise)
+    return _with_noise(_with_true_times(samples), options.noise)
+
+
+def _with_true_times(samples: TrajectoryFile) -> TrajectoryFile:
+    """Return measured samples with repaired times, see `repair_times`.
+
+    Samples that are planned, or too few for the check of their times, are not changed.
+    """
+    if not samples.is_log or len(samples.t) < FEWEST:
+        return samples
+    log = repair_times(
+        Log(
+            t=samples.t,
+            command=samples.q,
+            measured=samples.q,
+            velocity=samples.dq,
+            source=samples.source,
+            prismatic=tuple(bool(x) for x in samples.prismatic),
+            findings=samples.findings,
+        )
+    )
+    if not log.findings:
+        return samples
+    lines = samples.lines
+    if len(log.t) != len(samples.t):
+        # Samples were added or removed, so they have no lines.
+        lines = None
+    dq = log.velocity if samples.dq is not None else None
+    return replace(
+        samples, t=log.t, q=log.measured, dq=dq, ddq=None, lines=lines, findings=log.findings
+    )
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
@@ -291,7 +328,8 @@ def _remarks(
             f"Ignored columns of {samples.source}: "
             f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
-    lines += [f"Note: {x}" for x in (*samples.notes, *arm.notes)]
+    sentences = [x.sentence for x in samples.findings]
+    lines += [f"Note: {x}" for x in (*sentences, *samples.notes, *arm.notes)]
     if clearance is not None:
         lines.append(
             f"{clearance.sentence} Joint positions between samples are interpolated linearly."

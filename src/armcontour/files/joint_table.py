@@ -24,6 +24,8 @@ from armcontour.motion.log_checks import (
     check_time_unit,
     describe_bursts,
 )
+from armcontour.motion.log_times import follow_clock
+from armcontour.motion.time_finding import TimeFinding
 
 # Titles of columns by the name of the format: quantity, role, rank, and pattern, in which # is the
 # number of the joint. If several columns have the same quantity, role and joint, the one with the
@@ -33,9 +35,11 @@ TITLES_OF_FORMATS: dict[str, tuple[tuple[str, str, int, str], ...]] = {
     "armcontour": (
         ("t", "", 0, r"t|time"),
         ("plan", "", 0, r"plan[ _]time"),
+        ("dq", "command", 0, r"command velocity[ _]?#|command velocity (.+)"),
+        ("dq", "measured", 0, r"(?:measured )?velocity[ _]?#|(?:measured )?velocity (.+)"),
+        ("dq", "measured", 0, r"dq[ _]?#|dq (.+)"),
         ("q", "command", 0, r"u[ _]?#|command[ _]#|command (.+)"),
         ("q", "measured", 0, r"(?:q|joint)[ _]?#|measured[ _]#|(?:q|measured) (.+)"),
-        ("dq", "measured", 0, r"dq[ _]?#|dq (.+)"),
         ("ddq", "measured", 0, r"ddq[ _]?#|ddq (.+)"),
     ),
     "RTDE of UR": (
@@ -161,6 +165,8 @@ class TrajectoryFile(Frozen):
     is_plan: bool = False
     # True for measured positions: of a bag, beside commands, or with such a title
     is_log: bool = False
+    # What was wrong with the times of measured positions, and was repaired
+    findings: tuple[TimeFinding, ...] = ()
 
     @property
     def straight(self) -> Trajectory:
@@ -180,6 +186,7 @@ class TableSamples:
     digits: Sequence[Digits]  # Printed digits of each column of `values`
     notes: tuple[str, ...]  # Notes on changed times and skipped rows
     lines: IntArray  # Line of each sample in the file, (n,)
+    findings: tuple[TimeFinding, ...]  # Times that jumped back and were continued
 
 
 def read_csv_text(file: str | FilePath, kind: str) -> str:
@@ -240,6 +247,7 @@ def read_samples(
     values = values[new]
     rows = rows[new]
     lines = np.array(table.numbers)[rows]
+    t, findings = _continue_times(table, keys, t, values)
     used = (t >= start) & (t <= end)
     rows = rows[used]
     check_samples(
@@ -247,7 +255,25 @@ def read_samples(
         {x: values[used][:, columns] for x, columns in columns_of.items() if columns},
         locate,
     )
-    return TableSamples(t, values, last, digits[1:], (*notes, *time_notes), lines)
+    return TableSamples(t, values, last, digits[1:], (*notes, *time_notes), lines, findings)
+
+
+def _continue_times(
+    table: CsvTable[JointColumn], keys: Sequence[JointColumn], t: FloatArray, values: FloatArray
+) -> tuple[FloatArray, tuple[TimeFinding, ...]]:
+    """Continue times that jump back, by the columns with measured positions and velocities.
+
+    `values`: values of `keys`, (n, columns).
+    """
+    positions = [i for i, x in enumerate(keys) if (x.kind, x.role) == ("q", "measured")]
+    if not positions:
+        return t, ()
+    rates = [JointColumn("dq", "measured", keys[i].joint) for i in positions]
+    dq = None
+    if all(x in keys for x in rates):
+        dq = values[:, [keys.index(x) for x in rates]]
+    t, finding = follow_clock(t, values[:, positions], dq, table.source)
+    return t, (finding,) if finding else ()
 
 
 def _filled_rows(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from armcontour.control.learning import Recording
 
 EXAMPLE = "t,u1,q1,u2,q2 or t [s],command 1 [deg],measured 1 [deg]"
-_INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>\w+)", re.IGNORECASE)
+_INTERPOLATION = re.compile(r"#\s*interpolation\s*[:=]\s*(?P<what>.*\S)\s*", re.IGNORECASE)
 ROLES = ("command", "measured")
 
 
@@ -55,9 +55,11 @@ def read_log(
     column names of UR's RTDE client, ROS 2 in PlotJuggler, KUKA's RSI, ABB's EGM and libfranka are
     also read; `columns` names others. Units are SI unless specified in brackets (`t [ms]`,
     `command 1 [deg]`, `command rail [mm]`). Other columns, and joints with only a command or only a
-    measured position, are ignored. Separators are commas, semicolons, tabs or blanks. Lines that
-    start with # are comments; the comment `# interpolation: step` specifies the interpolation
-    between set-points. The column `plan time` of logs of `play` is the time of the plan.
+    measured position, are ignored. Measured velocities (`dq1`, `velocity 1`, `measured velocity 1
+    [rad/s]`) show wrong times, see `identify`. Separators are commas, semicolons, tabs or blanks.
+    Lines that start with # are comments; the comment `# interpolation: step` specifies the
+    interpolation between set-points. The column `plan time` of logs of `play` is the time of the
+    plan.
 
     A bag (.mcap, .db3, or its folder) needs the extra `ros` and the state of a joint trajectory
     controller. Times are the stamps of its messages, from the first one.
@@ -89,6 +91,10 @@ def log_text(log: Log) -> str:
     comments = [] if log.interpolation is None else [f"interpolation: {log.interpolation}"]
     columns = [log.t, log.command, log.measured]
     head = log_head([*comments, *log.notes], log.prismatic)
+    if log.velocity is not None:
+        columns.append(log.velocity)
+        units = joint_units("rad/s", log.prismatic)
+        head += "".join(f",measured velocity {j} [{x}]" for j, x in enumerate(units, start=1))
     if log.plan_time is not None:
         columns.append(log.plan_time)
         head = f"{head},plan time [s]"
@@ -144,7 +150,14 @@ def read_run_log(
     log = arrange_joints(log, joint_names)
     if has_commands:
         return log
-    return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
+    return Recording(
+        t=log.t,
+        q=log.measured,
+        velocity=log.velocity,
+        source=log.source,
+        notes=log.notes,
+        findings=log.findings,
+    )
 
 
 def _read_log(
@@ -184,8 +197,11 @@ def _read_log(
     else:
         names, notes = _pair_joints(table, joints)
     keys = [JointColumn("q", role, name) for role, name in product(roles, names)]
+    velocities = [JointColumn("dq", "measured", name) for name in names]
+    if not all(x in table.columns for x in velocities):
+        velocities = []
     has_plan_time = PLAN_TIME in table.columns
-    samples = read_samples(table, [*keys, *[PLAN_TIME] * has_plan_time], *window)
+    samples = read_samples(table, [*keys, *velocities, *[PLAN_TIME] * has_plan_time], *window)
     columns_of_roles = np.hsplit(samples.values[:, : len(keys)], len(roles))
     log = cut_log(
         samples.t,
@@ -194,9 +210,11 @@ def _read_log(
         window,
         joint_names=tuple(f"joint {x}" if x.isdigit() else x for x in names),
         prismatic=tuple(_is_prismatic(table, x, roles) for x in names),
-        interpolation=_find_interpolation(table.comments),
+        interpolation=_find_interpolation(table),
         source=table.source,
         notes=(*naming, *notes, *samples.notes),
+        velocity=samples.values[:, len(keys) : len(keys) + len(names)] if velocities else None,
+        findings=samples.findings,
         plan_time=samples.values[:, -1] if has_plan_time else None,
     )
     return log, len(roles) > 1
@@ -215,10 +233,22 @@ def _is_prismatic(table: CsvTable[JointColumn], joint: str, roles: Sequence[str]
     return slides
 
 
-def _find_interpolation(comments: Iterable[str]) -> str | None:
+def _find_interpolation(table: CsvTable[JointColumn]) -> str | None:
     """Return the interpolation that a comment specifies; None if no comment specifies it."""
-    names = (match["what"].lower() for x in comments if (match := _INTERPOLATION.fullmatch(x)))
-    return next((x for x in names if x in INTERPOLATIONS), None)
+    found = None
+    for comment in table.comments:
+        match = _INTERPOLATION.fullmatch(comment)
+        if match is None:
+            continue
+        name = match["what"].lower()
+        if name not in INTERPOLATIONS or found not in (None, name):
+            raise InvalidInput(
+                f"{table.source}: the comment {show(comment)} must specify one interpolation, "
+                f"{' or '.join(INTERPOLATIONS)}: linear if the controller moves evenly between "
+                "set-points, step if it holds each. Correct or remove the comment."
+            )
+        found = name
+    return found
 
 
 def _pair_joints(

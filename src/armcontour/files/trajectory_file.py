@@ -321,6 +321,7 @@ def _read_motion(table: CsvTable[JointColumn], joint_names: Sequence[str]) -> Tr
         left_out=(*(x for x in table.unknown if not x.lower().startswith(IGNORED)), *unused),
         notes=(*notes, *samples.notes),
         lines=samples.lines,
+        findings=samples.findings,
         is_log=_is_log(table, positions),
     )
 

@@ -19,6 +19,7 @@ from armcontour.core.fields import Checked, declared
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.text import clock, count_noun, list_some, short_repr, show
 from armcontour.motion.log_checks import GAP, check_samples, refuse_wrapped
+from armcontour.motion.time_finding import TimeFinding
 from armcontour.robot import Arm
 
 # Interpolation of the command between two samples of a log.
@@ -30,28 +31,6 @@ FEWEST = 50
 SEPARATOR = re.compile(r"[\W_]")
 # Largest number of names in one message.
 MAX_LISTED_NAMES = 8
-# A longer sequence of equal positions is a rest of the joint [samples].
-LONGEST_REPEAT = 10
-# Smallest fraction of repeated positions in motion.
-LEAST_REPEATED = 0.1
-# A slow joint repeats positions because its encoder is coarse or it sticks. A joint is slow if the
-# position after a repeat differs by less than this multiple of the log's smallest difference
-# (median).
-RESOLUTIONS = 4.0
-# A joint is also slow if the position after a repeat differs by less than this fraction of the
-# difference between two positions without repeats (medians).
-SLOW_SHARE = 0.5
-# Differences of positions up to this fraction of their range are rounding errors.
-LOG_ROUNDING = 1e-9
-# Times jitter if the standard deviation of their steps exceeds this fraction of the interval.
-LEAST_JITTER = 0.02
-# The other times describe a motion better if it deviates from a smooth motion by less than this
-# fraction.
-SMOOTHER = 0.8
-# Replaces a divisor of zero.
-SMALLEST_DIVISOR = 1e-300
-# Number of samples over which the drift of a clock is averaged.
-DRIFT_SAMPLES = 101
 
 
 @declared(eq=False)
@@ -68,6 +47,8 @@ class Log(Checked):
         t: Times [s], increasing, (n,).
         command: Set-points [rad], (n, dof).
         measured: Measured positions [rad], (n, dof).
+        velocity: Measured velocities [rad/s], (n, dof), which show wrong times; None if they were
+            not recorded.
         joint_names: One per joint; "joint 1", ... by default.
         interpolation: Interpolation of the controller between set-points, "linear" or "step"; None
             if unknown.
@@ -76,6 +57,7 @@ class Log(Checked):
         prismatic: Whether each joint is prismatic, with m instead of rad; by default none is.
         plan_time: Time of the plan at each sample [s], (n,), of a motion that `play` has recorded;
             None if unknown.
+        findings: What was wrong with the times, and was repaired.
 
     Raises:
         InvalidInput: Times do not increase or are too near to each other, angles wrap, or there are
@@ -85,12 +67,14 @@ class Log(Checked):
     t: Annotated[FloatArray, Quantity("s"), Axes("n")] = field(kw_only=False)
     command: Annotated[FloatArray, Quantity("rad"), Axes(...)] = field(kw_only=False)
     measured: Annotated[FloatArray, Quantity("rad"), Axes(...)]
+    velocity: Annotated[FloatArray, Quantity("rad/s"), Axes(...)] | None = None
     joint_names: tuple[Name, ...] = ()
     interpolation: Annotated[str, Choice(INTERPOLATIONS)] | None = None
     source: str = "the log"
     notes: tuple[str, ...] = ()
     prismatic: tuple[bool, ...] = ()
     plan_time: Annotated[FloatArray, Quantity("s"), Axes("n")] | None = None
+    findings: tuple[TimeFinding, ...] = ()
 
     def _check_together(self) -> None:
         if len(self.t) < FEWEST:
@@ -98,13 +82,18 @@ class Log(Checked):
                 f"{self.source} has {len(self.t)} samples, but at least {FEWEST} are needed. "
                 "Record a longer motion."
             )
-        for name in POSITIONS:
+        for name in (*POSITIONS, *["velocity"] * (self.velocity is not None)):
             object.__setattr__(self, name, self._check_rows(name))
         dof = self.dof
         if self.measured.shape[1] != dof:
             raise InvalidInput(
                 f"{self.source} has commands for {dof} joints, but measured positions of "
                 f"{self.measured.shape[1]} joints. Both need the same joints."
+            )
+        if self.velocity is not None and self.velocity.shape[1] != dof:
+            raise InvalidInput(
+                f"{self.source} has {dof} joints, but velocities of {self.velocity.shape[1]} "
+                "joints. Both need the same joints."
             )
         names = self.joint_names or tuple(f"joint {j + 1}" for j in range(dof))
         if len(names) != dof or len(set(names)) != dof:
@@ -121,7 +110,10 @@ class Log(Checked):
             raise InvalidInput(f"prismatic of {self.source} must have one value per joint.")
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "prismatic", slides)
-        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._name_value)
+        arrays = {x: getattr(self, x) for x in POSITIONS}
+        if self.velocity is not None:
+            arrays["dq"] = self.velocity
+        check_samples(self.t, arrays, self._name_value)
         for j, name in product(range(dof), POSITIONS):
             position = f"{self.source}: the {name} position of {names[j]}"
             if not slides[j]:
@@ -173,6 +165,7 @@ class Log(Checked):
             t=self.t[mask],
             command=self.command[mask],
             measured=self.measured[mask],
+            velocity=None if self.velocity is None else self.velocity[mask],
             plan_time=None if self.plan_time is None else self.plan_time[mask],
         )
 
@@ -197,12 +190,14 @@ class Log(Checked):
     def _name_value(self, name: str, i: int, j: int) -> str:
         """Return the name of a time or a position for messages.
 
-        - `name`: "t", or a name in POSITIONS.
+        - `name`: "t", "dq", or a name in POSITIONS.
         - `i`, `j`: row and column of the value.
         """
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
         position = f"the {name} position of {self.joint_names[j]}"
+        if name == "dq":
+            position = f"the measured velocity of {self.joint_names[j]}"
         return f"{self.source}: {position} at t = {clock(self.t[i])} s"
 
 
@@ -230,6 +225,7 @@ def cut_log(
     window: tuple[float, float],
     *,
     source: str = "the log",
+    velocity: FloatArray | None = None,
     plan_time: FloatArray | None = None,
     **fields: Any,
 ) -> Log:
@@ -241,6 +237,7 @@ def cut_log(
         measured: Measured positions [rad], (n, dof).
         window: First and last time to use [s].
         source: Where the arrays come from, for messages.
+        velocity: Measured velocities [rad/s], (n, dof); None if unknown.
         plan_time: Times of the plan [s], (n,); None if unknown.
         fields: Other fields of `Log`.
 
@@ -255,6 +252,7 @@ def cut_log(
         command=command,
         measured=measured,
         source=source,
+        velocity=None if velocity is None else velocity[used],
         plan_time=None if plan_time is None else plan_time[used],
         **fields,
     )
@@ -276,142 +274,6 @@ def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArra
             f"{clock(np.min(t))} s to {clock(np.max(t))} s."
         )
     return np.asarray(used)
-
-
-def replace_repeated_positions(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Replace measured positions that repeat the previous position by interpolated ones.
-
-    Args:
-        log: A log.
-
-    Returns:
-        The log with interpolated positions and without rows that only repeat the previous row, and
-        a sentence if positions were repeated.
-    """
-    q = log.measured
-    repeated = np.stack([_find_repeats(x) for x in q.T], axis=1)
-    joints = np.flatnonzero(repeated.any(axis=0))
-    if not len(joints):
-        return log, ()
-    from scipy.interpolate import CubicSpline
-
-    rows = np.concatenate([log.command, q], axis=1)
-    repeats_row = np.append(False, (np.diff(rows, axis=0) == 0).all(axis=1))
-    remaining = ~(repeats_row & repeated.any(axis=1))
-    interpolated = q.copy()
-    for j in joints:
-        new = ~repeated[:, j]
-        interpolated[:, j] = CubicSpline(log.t[new], q[new, j])(log.t)
-    names = ", ".join(log.joint_names[j] for j in joints)
-    note = (
-        f"{log.source} repeats {repeated[:, joints].mean():.0%} of the measured positions of "
-        f"{names}. Interpolation between the new positions replaces them."
-    )
-    return replace(log, measured=interpolated).at(remaining), (note,)
-
-
-def regularize_times(log: Log) -> tuple[Log, tuple[str, ...]]:
-    """Replace times that jitter by regular times, if the samples are regular.
-
-    Times of a computer that receives or writes samples jitter, which moves samples on a curve by
-    speed times jitter. The samples are regular if the positions are smoother at regular times than
-    at their own times. Lost samples are counted by the times.
-
-    Args:
-        log: A log.
-
-    Returns:
-        The log with regular times, and a sentence if its times were replaced.
-    """
-    steps = np.diff(log.t)
-    interval = log.interval
-    counts = np.maximum(np.rint(steps / interval), 1.0)
-    without_gap = counts <= GAP
-    interval = float(steps[without_gap].sum() / counts[without_gap].sum())
-    jitter = float(np.std((steps - counts * interval)[without_gap]))
-    if jitter <= LEAST_JITTER * interval:
-        return log, ()
-    # If times jitter by half an interval, samples seem to be lost that are not. Therefore times
-    # without lost samples are also tried.
-    candidates = [_smooth_times(log.t, x) for x in (counts, np.ones_like(counts))]
-    regular = min(candidates, key=lambda times: float(np.std(log.t - times)))
-    measured = _compare_roughness(log.measured, log.t, regular)
-    commanded = _compare_roughness(log.command, log.t, regular)
-    ratio = commanded if SMOOTHER < measured < 1 / SMOOTHER else measured
-    if ratio >= SMOOTHER or (np.diff(regular) <= 0).any():
-        return log, ()
-    deviation = float(np.std(log.t - regular))
-    return replace(log, t=regular), (
-        f"The times of {log.source} jitter by {deviation * 1e3:.2g} ms (standard deviation), but "
-        f"its positions are regular. Regular times {np.median(np.diff(regular)) * 1e3:.4g} ms "
-        "apart replace them.",
-    )
-
-
-def _smooth_times(t: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return times without jitter [s], (n,): regular times that follow the clock's slow drift.
-
-    `counts` are the numbers of sample intervals between successive times, (n - 1,).
-    """
-    from scipy.ndimage import uniform_filter1d
-
-    numbers = np.concatenate([[0.0], np.cumsum(counts)])
-    regular = np.polyval(np.polyfit(numbers, t, 1), numbers)
-    return np.asarray(regular + uniform_filter1d(t - regular, DRIFT_SAMPLES, mode="nearest"))
-
-
-def _compare_roughness(positions: FloatArray, t: FloatArray, regular: FloatArray) -> float:
-    """Return the positions' roughness at regular times divided by that at their own times.
-
-    - `positions`: joint positions [rad], (n, dof).
-    - `t`, `regular`: the positions' own times and regular times [s], (n,) each.
-    """
-    return _roughness(positions, regular) / max(_roughness(positions, t), SMALLEST_DIVISOR)
-
-
-def _roughness(positions: FloatArray, t: FloatArray) -> float:
-    """Return the RMS deviation of positions, (n, dof), from cubics through four neighbours."""
-    nodes = np.stack([t[:-4], t[1:-3], t[3:-1], t[4:]]) - t[2:-2]
-    values = np.stack([positions[:-4], positions[1:-3], positions[3:-1], positions[4:]])
-    predicted = np.zeros_like(positions[2:-2])
-    for i, node in enumerate(nodes):
-        others = np.delete(nodes, i, axis=0)
-        weight = np.prod(others / (others - node), axis=0)
-        predicted += weight[:, None] * values[i]
-    return float(np.sqrt(np.mean((positions[2:-2] - predicted) ** 2)))
-
-
-def _find_repeats(q: FloatArray) -> BoolArray:
-    """Return the mask of a moving joint's positions that repeat the previous position, (n,).
-
-    - `q`: measured positions of one joint [rad], (n,).
-    """
-    repeated = np.full(len(q), False)
-    steps = np.abs(np.diff(q))
-    # Sequences of equal positions between two changes: their numbers of samples, and the change
-    # after each of them.
-    changes = np.flatnonzero(steps > LOG_ROUNDING * np.ptp(q))
-    lengths = np.diff(changes)
-    jumps = steps[changes[1:]]
-    moving = lengths <= LONGEST_REPEAT
-    held = moving & (lengths > 1)
-    single = lengths == 1
-    if held.sum() <= LEAST_REPEATED * moving.sum():
-        return repeated
-    held_jump = float(np.median(jumps[held]))
-    single_jump = float(np.median(jumps[single])) if single.any() else 0.0
-    if held_jump < RESOLUTIONS * jumps.min() or held_jump < SLOW_SHARE * single_jump:
-        # The joint is slow.
-        return repeated
-    starts = changes[:-1][held] + 1
-    ends = changes[1:][held] + 1
-    # The log may end before the next new position.
-    if held[-1] and len(q) - 1 - changes[-1] <= lengths[-1]:
-        starts = np.append(starts, changes[-1] + 1)
-        ends = np.append(ends, len(q))
-    for start, end in zip(starts, ends, strict=True):
-        repeated[start + 1 : end] = True
-    return repeated
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
@@ -583,6 +445,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         log,
         command=log.command[:, order],
         measured=log.measured[:, order],
+        velocity=None if log.velocity is None else log.velocity[:, order],
         joint_names=tuple(names[i] for i in order),
         prismatic=tuple(log.prismatic[i] for i in order),
         notes=(*log.notes, *notes),

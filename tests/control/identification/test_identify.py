@@ -169,7 +169,7 @@ def test_repeated_positions_in_a_log_do_not_bias_the_model(held):
     fit = ac.identify(dataclasses.replace(log, measured=log.measured[rows]))
     joint = fit.joints[0]
     true = ac.identify(log).joints[0]
-    assert "repeats" in fit.remarks[0] and not ac.identify(log).repeats
+    assert fit.findings[0].kind == "renewed" and not ac.identify(log).findings
     assert joint.order == true.order
     assert joint.kp.value == pytest.approx(true.kp.value, rel=0.02)
 

@@ -44,8 +44,9 @@ class Estimate(Result):
         value: The value; nan if the model does not have the parameter.
         sd: Standard deviation; nan for a parameter at the bound of its range, or with its nominal
             value.
-        low, high: Ends of the 95 % interval; nan without one, as for `sd`, and for a parameter that
-            compensates for an effect that dominates the residuals.
+        low, high: Ends of the 95 % interval; nan without one, as for `sd`, and for an effective
+            parameter, which compensates for an effect that is not modelled, or of a log that was
+            repaired.
         determined: True if the logs determine the parameter: `sd` is at most 10 % of the value, at
             most 0.5 ms for a dead time, or at most 0.05 for feed-forward.
     """
@@ -102,7 +103,7 @@ class Estimate(Result):
         )
 
     def without_interval(self) -> Estimate:
-        """Return the estimate without its interval, because an unmodelled effect biases it."""
+        """Return the estimate without its interval, because an unknown error biases it."""
         return replace(self, low=math.nan, high=math.nan)
 
     @property

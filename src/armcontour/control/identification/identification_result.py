@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from armcontour.core.source_file import writing_time
 from armcontour.core.text import count_noun, list_some, short_repr, shorten
 from armcontour.core.validity import AT_ENCODERS
 from armcontour.motion.log import Log, arrange_joints, match_joints
+from armcontour.motion.time_finding import TimeFinding, findings_table
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_SOURCE, TRUSTED
@@ -191,12 +193,11 @@ class Identification(Result, Frozen):
     """The identified servos of all joints.
 
     Args:
-        logs: The logs.
+        logs: The logs, with repaired times.
         interpolation: Interpolation of set-points that was assumed.
         joints: The result of each joint.
         drive_cycle: Cycle of the drives [s], 0 for continuous loops.
         judgement: Contour errors with and without compensation on motion that was not fitted.
-        repeats: Sentences about repeated positions in the logs, which `logs` does not contain.
     """
 
     logs: tuple[Log, ...]
@@ -204,7 +205,6 @@ class Identification(Result, Frozen):
     joints: tuple[JointIdentification, ...] = field(repr=False)
     drive_cycle: float
     judgement: Judgement
-    repeats: tuple[str, ...] = ()
 
     def __getitem__(self, name: str | int) -> JointIdentification:
         """Return the result of a joint by its name, or by its number from 1."""
@@ -246,6 +246,7 @@ class Identification(Result, Frozen):
                 Row("version", __version__),
                 Row("logs", [x.source for x in self.logs]),
                 Row("samples", sum(len(x.t) for x in self.logs)),
+                Row("findings", findings_table(self.findings).as_dicts()),
                 Row("interpolation", self.interpolation),
                 Row("drive_cycle", self.drive_cycle, "s"),
                 Row("determined", self.determined),
@@ -288,14 +289,19 @@ class Identification(Result, Frozen):
         return all(x.determined for x in self.joints)
 
     @property
+    def findings(self) -> tuple[TimeFinding, ...]:
+        """What was wrong with the times of the logs, and was repaired."""
+        return tuple(chain.from_iterable(x.findings for x in self.logs))
+
+    @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about repeated positions and saturation, and about effective parameters."""
+        """Sentences about wrong times and saturation, and about effective parameters."""
         names = ", ".join(x.name for x in self.joints if x.effective and x.written)
         effective = (
             f"Effective parameters: {names}. The residuals are not white, so an effect is not "
             "modelled, and the parameters differ from the settings of the drive."
         )
-        sentences = [*self.repeats]
+        sentences = [x.sentence for x in self.findings]
         for joint in self.joints:
             sentences += filter(None, (joint.saturation, joint.twin))
         return (*sentences, effective) if names else tuple(sentences)

@@ -230,7 +230,9 @@ class FittedJoint:
             estimates[selected.limit.name] = selected.limit
         for servo in filter(None, (selected.twin, find_continuous(selected.fit))):
             estimates = {name: x.including(getattr(servo, name)) for name, x in estimates.items()}
-        if effective and selected.fit.rms > NOISE_MULTIPLE * selected.fit.noise:
+        repairs = {x.repair for log in self.motion.logs for x in log.findings}
+        if effective or repairs & {"rebuilt", "left out"}:
+            # An effect that is not modelled, or an error of the repair, biases them.
             estimates = {name: x.without_interval() for name, x in estimates.items()}
         if self.motion.prismatic:
             for name, x in estimates.items():

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -23,11 +22,10 @@ from armcontour.motion.log import (
     INTERPOLATIONS,
     Log,
     arrange_joints,
-    regularize_times,
-    replace_repeated_positions,
     with_units_of,
 )
 from armcontour.motion.log_checks import check_interval, check_range_of_log, check_speeds
+from armcontour.motion.log_times import repair_times
 from armcontour.robot import Arm
 
 # Orders of the candidate models for each value of the option `model`.
@@ -104,7 +102,8 @@ def identify(
         progress: Called with a step that names the joint, before each joint is identified.
 
     Raises:
-        InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the logs or the arm
+        InvalidInput: The sample interval of a log is outside 0.05 to 100 ms, the times of a log
+            are wrong and measured velocities do not determine the true ones, the logs or the arm
             differ in their joints, or command and measurement of a log do not belong together.
     """
     originals = checks.check_sequence("logs", _as_sequence(logs), Log, "Logs")
@@ -112,8 +111,7 @@ def identify(
         not originals, "The identification requires at least one log, but logs is empty."
     )
     arm = options.kinematics
-    prepared = _prepare(originals, arm)
-    regular_logs = prepared.logs
+    regular_logs = _prepare(originals, arm)
     _check_same_joints(regular_logs)
     interpolation = choose_interpolation(regular_logs, options.interpolation)
     for log in regular_logs:
@@ -138,15 +136,7 @@ def identify(
         joints=judged,
         drive_cycle=search.drive_cycle,
         judgement=judgement,
-        repeats=prepared.remarks,
     )
-
-
-class _Prepared(NamedTuple):
-    """Logs with regular times and without repeated positions, and sentences about the changes."""
-
-    logs: tuple[Log, ...]
-    remarks: tuple[str, ...]
 
 
 def _as_sequence(logs: Log | Sequence[Log]) -> Sequence[Log]:
@@ -154,18 +144,13 @@ def _as_sequence(logs: Log | Sequence[Log]) -> Sequence[Log]:
     return (logs,) if isinstance(logs, Log) else logs
 
 
-def _prepare(originals: Sequence[Log], arm: Arm | None) -> _Prepared:
-    """Check the sample intervals of logs, and repair jittering times and repeated positions."""
+def _prepare(originals: Sequence[Log], arm: Arm | None) -> tuple[Log, ...]:
+    """Check the sample intervals of logs, and repair their times."""
     for log in originals:
         check_interval(log.source, log.t)
     if arm is not None:
         originals = [_with_joints_of(x, arm) for x in originals]
-    timed = [regularize_times(x) for x in originals]
-    renewed = [replace_repeated_positions(log) for log, _ in timed]
-    remarks = [sentences for _, sentences in (*timed, *renewed)]
-    return _Prepared(
-        logs=tuple(log for log, _ in renewed), remarks=tuple(chain.from_iterable(remarks))
-    )
+    return tuple(repair_times(x) for x in originals)
 
 
 def _check_same_joints(logs: Sequence[Log]) -> None:

@@ -368,7 +368,11 @@ def _measure_errors(lifted: Lifted, set_points: SetPoints, recording: Recording)
         rests_later=rest.later, tool_rest=at_rest.tool,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
-        notes=(*recording.notes, *_describe_creep(recording.source, rest.creeps)),
+        notes=(
+            *(x.sentence for x in recording.findings),
+            *recording.notes,
+            *_describe_creep(recording.source, rest.creeps),
+        ),
         set_points_off=log_alignment.set_points_off(plan_times, recording.command, set_points),
         prismatic=lifted.prismatic,
         **tool._asdict(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -21,8 +21,10 @@ from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.text import count_noun, short_repr
 from armcontour.core.validity import AT_ENCODERS, OF_LOGS
 from armcontour.motion import Execution, Log, SetPoints
-from armcontour.motion.log import regularize_times, replace_repeated_positions
+from armcontour.motion.log import FEWEST
 from armcontour.motion.log_checks import check_gaps
+from armcontour.motion.log_times import repair_times
+from armcontour.motion.time_finding import TimeFinding
 from armcontour.robot.servo import ServoModel
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].
@@ -42,12 +44,14 @@ class Recording(Checked):
     Args:
         t: Times [s], increasing, (n,).
         q: Measured joint positions [rad], (n, dof).
+        velocity: Measured joint velocities [rad/s], (n, dof); None if they were not recorded.
         command: Set-points at the same times [rad], (n, dof), which determine the offset of the
             clock; None if they were not recorded.
         in_plan_time: True if `t` is exactly the time of the plan.
         exact: True if `q` are true positions of a simulation, without measurement noise.
         source: Source of the data, for messages.
         notes: As in `Log`.
+        findings: As in `Log`.
 
     Raises:
         InvalidInput: The arrays are not finite numbers, or their shapes do not match.
@@ -55,11 +59,13 @@ class Recording(Checked):
 
     t: Annotated[FloatArray, Quantity("s"), Axes("times")] = field(kw_only=False)
     q: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] = field(kw_only=False)
+    velocity: Annotated[FloatArray, Quantity("rad/s"), Axes("times", "joints")] | None = None
     command: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] | None = None
     in_plan_time: bool = False
     exact: bool = False
     source: str = "the log"
     notes: tuple[str, ...] = ()
+    findings: tuple[TimeFinding, ...] = ()
 
     def _check_together(self) -> None:
         """Raise InvalidInput unless there are at least two times, which increase."""
@@ -83,6 +89,37 @@ class Recording(Checked):
     def interval(self) -> float:
         """Median time between two samples [s]."""
         return float(np.median(np.diff(self.t)))
+
+    def with_true_times(self) -> Recording:
+        """Return the recording with repaired times, see `repair_times`.
+
+        Raises:
+            InvalidInput: Times are wrong, and no measured velocities determine the true ones.
+        """
+        if self.exact or self.in_plan_time or len(self.t) < FEWEST:
+            return self
+        # Without set-points, the repair only needs the measured positions.
+        command = self.q if self.command is None else self.command
+        log = repair_times(
+            Log(
+                t=self.t,
+                command=command,
+                measured=self.q,
+                velocity=self.velocity,
+                source=self.source,
+                notes=self.notes,
+                findings=self.findings,
+            )
+        )
+        return replace(
+            self,
+            t=log.t,
+            q=log.measured,
+            command=None if self.command is None else log.command,
+            velocity=log.velocity,
+            notes=log.notes,
+            findings=log.findings,
+        )
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
@@ -117,14 +154,13 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
                 "planned speed at the least, but learning needs a whole run at 100 %. Play the run "
                 "again without a pause, with --speed-factor '100 %'."
             )
-        timed, jitter = regularize_times(executed)
-        log, repeats = replace_repeated_positions(timed)
+        log = repair_times(executed)
         recording = Recording(
             t=log.t, q=log.measured, command=log.command, source=log.source,
-            notes=(*jitter, *repeats, *_describe_saturation(log)),
+            notes=tuple(_describe_saturation(log)), findings=log.findings,
         )  # fmt: skip
     elif isinstance(executed, Recording):
-        recording = executed
+        recording = executed.with_true_times()
     else:
         raise InvalidInput(
             f"executed must be an Execution, a Log or a Recording, but is "
