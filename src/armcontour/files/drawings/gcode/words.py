@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from armcontour.core.text import list_some
 from armcontour.geometry.origins import line_origin
@@ -136,6 +136,14 @@ KLIPPER_NOTE = (
 LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
 
 
+# Controllers that comments name, by their meaning of the word P of an arc. LinuxCNC (manual,
+# "G2, G3 Arc Move") and FluidNC count all turns, Marlin ("G2-G3") the full circles before the arc.
+CONTROLLERS_OF_TURNS = {
+    "total": re.compile(r"linuxcnc|fluidnc", re.IGNORECASE),
+    "extra": re.compile(r"marlin", re.IGNORECASE),
+}
+
+
 class Fault(Exception):
     """An error in a line; the text is a sentence without a full stop, after the line number."""
 
@@ -177,6 +185,20 @@ class Notes:
                 skipped.append(sentence.format(list_some(listed, MAX_KINDS)))
         once = [sentence.format(line) for sentence, line in self.first_line_of_note.items()]
         return skipped + once
+
+
+def named_arc_turns(lines: Iterable[str]) -> str | None:
+    """Return the meaning of P of arcs for the controller that comments name; None if unknown.
+
+    - `lines`: all lines of the program.
+    """
+    comments = [x for line in lines if "(" in line or ";" in line for x in COMMENTS.findall(line)]
+    named = [
+        meaning
+        for meaning, controllers in CONTROLLERS_OF_TURNS.items()
+        if any(controllers.search(x) for x in comments)
+    ]
+    return named[0] if len(named) == 1 else None
 
 
 class Block:
