@@ -223,6 +223,38 @@ def test_helices_and_arcs_with_rounded_ends_are_read():
     refusals(read, [(text.format(*x), "part.ngc, line 2 ... allowed") for x in ends])
 
 
+SLICED = "G1 X0 Y10 F600|M101|G1 X50|M103|G83|G1 Y50|M2"
+ARC_WORDS = {"M101": {"arc": True}, "m103": {"arc": False, "gas": 2.5}, "G83": {}}
+
+
+def test_declared_words_switch_outputs():
+    program = read(SLICED, words=ARC_WORDS)
+    assert describe_moves(program) == "cut arc=True@10 arc=False@60 gas=2.5@60"
+    (note,) = program.notes
+    assert "G83 (first in line 5)" in note
+    # Their own parameters have no meaning; those of other codes on the line keep theirs. As by
+    # other M codes, outputs are switched before the motion or dwell of the line.
+    program = read("F600|M101 P5|G1 X10 M103|G4 P2 M101|G1 X20", words=ARC_WORDS)
+    assert describe_moves(program) == (
+        "arc=True, arc=False, gas=2.5, cut arc=True@10, dwell 2, cut"
+    )
+    # A declared M code replaces the usual meaning.
+    program = read("F600|M3 S100|G1 X10|M5", words={"M3": {"arc": True}, "M05": {"arc": False}})
+    assert describe_moves(program) == "spindle speed=100.0, arc=True, cut arc=False@10"
+
+
+def test_words_that_move_or_end_the_program_cannot_be_declared():
+    for word in ("G1", "G28", "G91", "M2", "M30", "M98", "X", "arc"):
+        with pytest.raises(InvalidInput, match=word) as caught:
+            read(SLICED, words={word: {"arc": True}})
+        assert caught.value.key == ("words", word)
+    refusals(
+        lambda text: read(text, words=ARC_WORDS),
+        [("F600|G1 X1|G83 X5 Z-2", "part.ngc, line 3 ... G83 ... coordinates")],
+    )
+    assert "G83 is not supported" in str(pytest.raises(InvalidInput, read, SLICED).value)
+
+
 CIRCLE = 2 * math.pi * 0.01
 HELIX = "G0 X10 Y0 Z0 F500|G2 X10 Y0 Z-3 I-10 J0 P3|G1 X20"
 

@@ -26,7 +26,7 @@ from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program import Contour, Program
-from armcontour.program.moves import Move, put_on_path
+from armcontour.program.moves import Move, Value, put_on_path
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
 MAX_FILE_SIZE = MAX_HAND_WRITTEN
@@ -98,6 +98,9 @@ class ReadOptions(Checked):
             whose union is read. Without rules all edges are read, at most 20 contours.
         tool_axis: For CAD models, the direction of the tool along edges; by default the `Bisector`
             of the faces. None reads contours without tool orientation.
+        words: For G-code, G and M codes that switch outputs, with the states that they set by the
+            name of the output, such as {"M101": {"arc": True}, "M103": {"arc": False}}. A code with
+            an empty mapping is ignored, with a note.
         arc_turns: For G-code, the meaning of the word P of an arc: "total" counts all turns, as in
             LinuxCNC and FluidNC, "extra" the full circles before the arc, as in Marlin. By default
             a comment of the file that names one of them decides.
@@ -120,6 +123,7 @@ class ReadOptions(Checked):
     columns: str | None = None
     edges: Sequence[EdgeRule] | EdgeRule | None = None
     tool_axis: Annotated[Bisector | None, NO_KEY] = BISECTOR
+    words: Mapping[str, Mapping[str, Value]] | None = None
     arc_turns: Annotated[str, Choice(ARC_TURNS)] | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 

@@ -48,7 +48,6 @@ COOLANT: dict[int, Value] = {7: "mist", 8: "flood", 9: False}
 BOTH = "mist and flood"
 DIGITAL = {62: True, 63: False, 64: True, 65: False}
 ANALOG = (67, 68)
-TOOL_CHANGE = 6
 # Largest coordinate [m]. Above this value a double does not resolve a nanometre.
 FARTHEST = 1e6
 # Largest feed rate [m/s].
@@ -85,6 +84,7 @@ class Machine:
         self.draft = ProgramDraft()
         self.notes = Notes()
         self.outputs = Outputs(self.draft, t_changes_tool=not changes_tools)
+        self.declared = codes.read_declared(options.words or {})
         self.arc_turns = options.arc_turns
         self.named_arc_turns = named_arc_turns
         self.chord_tolerance = options.chord_tolerance
@@ -153,6 +153,7 @@ class Machine:
             self._set_feed(words.pop("F"), self._unit_of_feed(block))
         dwell = self._dwell(block) if codes.DWELL in g else None
         self.outputs.apply(block)
+        self._switch_declared(block)
         if dwell is not None:
             self.draft.add_dwell(dwell)
         self._set_modes(block)
@@ -164,9 +165,24 @@ class Machine:
             self._move_in_machine(block)
         else:
             self._move(block)
+        if block.declared:
+            block.drop(codes.DECLARED_WORDS)
         for letter in words:
             raise Fault(f"no code on this line uses the word {letter}. Remove the word")
         return self._stop(block)
+
+    def _switch_declared(self, block: Block) -> None:
+        """Set the states of the codes that the options declare."""
+        for name in block.declared:
+            if name[0] == "G" and not block.words.keys().isdisjoint(codes.COORDINATES):
+                raise Fault(
+                    f"{name} switches outputs (path.words), so its line must not have coordinates. "
+                    "Write the motion on a line of its own"
+                )
+            for output, value in self.declared[name].items():
+                self.outputs.set(output, value)
+            if not self.declared[name]:
+                self.notes.skip(name)
 
     def _drop_words_without_motion(self, block: Block) -> None:
         """Leave out E and other axes at zero, with notes."""
@@ -542,7 +558,7 @@ class Outputs:
                 self.set(f"output {_number(block, 'P', code)}", DIGITAL[code])
             elif code in ANALOG:
                 self.set(f"analog output {_number(block, 'E', code)}", words.pop("Q", 0.0))
-        if TOOL_CHANGE in m:
+        if codes.TOOL_CHANGE_CODE in m:
             self._change_tool()
         for code in m:
             for name in spindles if code in SPINDLE else ():

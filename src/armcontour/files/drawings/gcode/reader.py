@@ -141,6 +141,6 @@ class _Runner:
         elif text.startswith("/"):
             machine.notes.skip("lines with a slash (block delete)", "Skipped: {}.")
         elif text:
-            block = parse(line, machine.notes)
-            self.has_words |= bool(block.g or block.m or block.words)
+            block = parse(line, machine.notes, machine.declared)
+            self.has_words |= bool(block.g or block.m or block.words or block.declared)
             self.ended = machine.execute(block)
