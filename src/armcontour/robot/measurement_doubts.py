@@ -36,7 +36,7 @@ CLEAR_DECREASE = 6.0
 MAX_NOISE_RATIO = 4.0
 # Largest deviation of the drawing's scale: this many standard deviations, and this fraction, which
 # is that of an arm whose model is wrong by 0.5 mm and 1 mrad per joint.
-MAX_SCALE_DEVIATIONS = 5.0
+MAX_SCALE_DEVIATIONS = 4.0
 MAX_SCALE_ERROR = 0.004
 # Smallest rotation from the planned frame at which other orders of the touches are tried [rad].
 TURNED = np.radians(30.0)
@@ -138,8 +138,9 @@ def doubt_of_fit(
         return None
     # As in Akaike's criterion, an explanation pays for its unknowns.
     best = min(probable, key=lambda x: x.squares / noise**2 + 2 * x.unknowns)
-    freedom = drawn.size - unknowns_of_frame(dimension) - best.unknowns
-    return best if _fits(best.squares, freedom, noise) else None
+    freedom = drawn.size - unknowns_of_frame(dimension)
+    is_explained = best.squares <= freedom * (MAX_NOISE_RATIO * noise) ** 2
+    return best if is_explained else None
 
 
 def doubt_of_touch(
@@ -279,11 +280,6 @@ def point_text(point: FloatArray, decimals: int | None = None) -> str:
     """Write a point in mm, such as "(40, 20, 0) mm"; by default with four digits."""
     form = "z.4g" if decimals is None else f"z.{decimals}f"
     return f"({', '.join(f'{x * 1e3:{form}}' for x in point)}) mm"
-
-
-def _fits(squares: float, freedom: int, noise: float) -> bool:
-    """Return whether residuals are as large as their noise."""
-    return squares <= max(freedom, 1) * (MAX_NOISE_RATIO * noise) ** 2
 
 
 def _is_clear(decrease: float, noise: float) -> bool:
