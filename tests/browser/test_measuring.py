@@ -62,3 +62,16 @@ def test_a_refused_measurement_shows_its_sentence_and_keeps_the_job(shown):
     expect(result.locator(".task-sentence")).to_contain_text("at one place")
     expect(shown.find("#undo")).to_be_disabled()
     expect(shown.find("g.touched circle")).to_have_count(0)
+
+
+def test_a_doubt_is_accepted_by_its_name(shown):
+    rows = [[x, f"-{y}", *more] for x, y, *more in touched()]
+    table = "\n".join("\t".join(row) for row in rows)
+    shown.page.evaluate(PASTE, ["Touch 1, x [mm]", table])
+    result = shown.do("measure")
+    expect(result.locator(".task-sentence")).to_contain_text("turned_over")
+    shown.find("#tasks").get_by_label("accept the doubt").select_option("turned_over")
+    result = shown.do("measure")
+    expect(result).to_have_attribute("data-state", "done")
+    expect(result).to_contain_text("From the plan", ignore_case=True)
+    expect(result).to_contain_text("No redundancy for", ignore_case=True)

@@ -118,7 +118,34 @@ def test_frame_is_printed_as_json_and_nothing_is_written(folder, done):
     assert sorted(folder.iterdir()) == before
 
 
+def y_down(folder):
+    """Write touches whose coordinates have y downwards, as some drawings show them."""
+    lines = (folder / "touches.csv").read_text().replace(",100,0,", ",-100,0,")
+    (folder / "y_down.csv").write_text(lines)
+
+
+@pytest.mark.parametrize("target", ["part", "work"])
+def test_a_part_upside_down_is_refused_unless_the_doubt_is_accepted(folder, done, refused, target):
+    y_down(folder)
+    words = f"{target} y_down.csv --job job.yaml"
+    rows = [(f"measure {words} --out new.yaml", ["y_down.csv", "upside down", "turned_over"])]
+    assert refused(folder, rows) == []
+    assert not (folder / "new.yaml").exists()
+    page = json.loads(done("measure", *words.split(), "--accept", "turned_over", "--json"))
+    assert page["doubts"] == ["turned_over"]
+    assert page["tilt"] == pytest.approx(np.pi, abs=1e-6)
+
+
+def test_the_difference_from_the_planned_frame_is_printed(folder, done):
+    page = json.loads(done("measure", "part", "touches.csv", "--job", "job.yaml", "--json"))
+    assert page["shift"] == pytest.approx([-0.02, 0.0, 0.0], abs=1e-6)
+    assert page["turn"] == pytest.approx(0.3 - np.radians(10), abs=1e-6)
+    assert page["scale"] == pytest.approx(1.0, abs=1e-6)
+    assert page["unchecked"] == ["the tool centre point"]
+
+
 REFUSED = [
+    ("part touches.csv --job job.yaml --accept upside", ["upside", "turned_over"]),
     ("part touches.csv --job job.yaml --out job.yaml", ["job.yaml exists", "--force"]),
     ("part touches.csv --job job.yaml --force", ["--force requires --out"]),
     ("part touches.csv --job drawing.dxf", ["--job must be a job file"]),

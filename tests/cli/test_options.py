@@ -14,6 +14,7 @@ from armcontour.jobs import Exports
 
 # Values of the options whose help has no example of a quantity.
 VALUES = {
+    "--arc-turns": "total",
     "--call": True,
     "--contour": ["line 12"],
     "--corner-shape": "free",

@@ -468,3 +468,21 @@ def test_layers_whose_contours_are_not_selected_are_allowed(folder):
     layers = "{A: {speed: 0.02}, B: {speed: 0.01}}"
     one_job = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
     assert prepare(one_job.program, one_job.process).path.speeds.tolist() == [0.02]
+
+
+def test_meanings_of_words_in_gcode_are_keys_of_the_job(folder):
+    program = "G0 X10 F600|M101|G3 I-10 P2|M103|M2"
+    (folder / "part.nc").write_text(program.replace("|", "\n"))
+    path = {
+        "file": "part.nc",
+        "words": {"M101": {"arc": True}, "M103": {"arc": False}},
+        "frame": JOB["path"]["frame"],
+    }
+    with pytest.raises(ac.InvalidInput, match="path.arc_turns"):
+        job(folder, path=path)
+    for meaning, turns in (("total", 2), ("extra", 3)):
+        read = job(folder, path={**path, "arc_turns": meaning})
+        (contour,) = read.program.contours
+        assert contour.path.length == pytest.approx(turns * 2 * np.pi * 0.01)
+        assert [x.value for x in contour.events] == [False]
+        assert [x.value for x in read.program.moves if isinstance(x, ac.Event)] == [True]

@@ -331,8 +331,10 @@ class Interpreter:
             sweep = (way * cmath.phase((e - center) / (s - center))) % (2 * math.pi)
         if sweep * abs(s - center) <= NANOMETRE:
             sweep += 2 * math.pi
+        # As in LinuxCNC, each P above 1 is one more full turn.
+        circles = round(v.get("P", 1.0)) - 1
         if abs(end[c] - start[c]) > NANOMETRE:
-            total = sweep
+            total = sweep + 2 * math.pi * circles
             growth = 1 if full else abs(e - center) / abs(s - center)
 
             def helix(u):
@@ -357,7 +359,7 @@ class Interpreter:
         else:
             angle = (way * cmath.phase((e - moved) / (s - moved))) % (2 * math.pi)
             parts = [(moved, s, angle)]
-        for middle, begin, angle in parts:
+        for middle, begin, angle in [(center, s, 2 * math.pi)] * circles + parts:
             self.add("arc", turned(middle, begin, angle), angle * abs(begin - middle), line)
 
     @staticmethod

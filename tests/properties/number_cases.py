@@ -354,6 +354,7 @@ BASES: list[dict[str, Any]] = [
     _path(**_DRAWN, layers={"cut": {"speed": 0.05, "tolerance": 1e-3}}) | {"process": _PROCESS},
     _path(**{**_DRAWN, "frame": _PLACED[0]}),
     _path(**_DRAWN, colors=[7]),
+    _path(**_DRAWN, words={"M101": {"arc": 2.5}}),
     _path(**{**_DRAWN, "units": 1e-3}),
     _path(**_DRAWN, repeat={"columns": 2, "column_spacing": 0.04, "rows": 1, "row_spacing": 0.03}),
     _with(PLANE, process=_PROCESS),

@@ -229,10 +229,17 @@ def test_mistaken_touch_is_named():
     assert "Touch 3 does not fit its point (210, 100, 0) mm" in str(error)
 
 
-def test_swapped_rows_are_refused_with_both_distances():
+def test_swapped_rows_are_refused_with_the_right_order():
     error = refusal(lambda: measure_part(ARM, CORNERS[[1, 0, 2]], joints_at(placed(CORNERS[:3]))))
-    assert "apart in the drawing" in str(error)
-    assert error.allowed == pytest.approx(2e-3)
+    assert error.limit == "order"
+    assert "2, 1, 3" in str(error)
+
+
+def test_touches_of_another_part_are_refused_with_both_distances():
+    other = CORNERS[:3] * [1.0, 1.5, 1.0]
+    error = refusal(lambda: measure_part(ARM, CORNERS[:3], joints_at(placed(other))))
+    assert "Points 2 and 3 are 100 mm apart in the drawing, but 150 mm" in str(error)
+    assert error.allowed == pytest.approx(4 * NOISE)
 
 
 def test_tool_that_turns_about_one_axis_only_is_refused():

@@ -93,6 +93,16 @@ def test_values_may_have_units_and_rows_may_be_empty():
     assert figures(measure(rows, noise="1")) == figures(measure(rows, noise="1 mm"))
 
 
+def test_doubts_are_refused_and_accepted_as_by_the_command():
+    rows = [[x, f"-{y}", *more] for x, y, *more in touched()]
+    assert "turned_over" in refusal(rows)
+    shown = figures(measure(rows, accept="turned_over"))
+    assert shown["doubts"] == "turned_over"
+    assert np.degrees(shown["tilt"]) == pytest.approx(180.0, abs=0.2)
+    # As planned, but for -20 mm in x and the noise.
+    assert shown["moved"].startswith("(-20.0")
+
+
 def test_three_points_of_the_axes_need_no_coordinates():
     rows = [["", "", "", *x[3:]] for x in touched(POINTS[[0, 1, 3]], 0 * NOISE)]
     header = measure(rows)

@@ -260,6 +260,8 @@ class Measure(LogOptions, Json):
             axis, and a point on the side of y.
         job: Job file whose arm touched.
         noise: Standard deviation of each coordinate of a touch.
+        accept: Doubts to accept, separated by commas, if the measurement is right: turned_over,
+            mirrored, scaled, order, touch.
         out: Job file to write, with the measured frame; by default the frame is only printed.
         force: Replace a file of that name, such as the job itself.
     """
@@ -268,6 +270,7 @@ class Measure(LogOptions, Json):
     touches: Argument
     job: Annotated[FilePath, typer.Option("--job")]
     noise: str = "0.1 mm"
+    accept: str = ""
     out: Annotated[File, typer.Option("--out", "-o")] = None
     force: bool = False
 

@@ -197,6 +197,12 @@ DRAWING = Topic(
             'For waypoints in CSV, names of the columns, such as "x [mm],y [mm],-".',
         ),
         JobOption(
+            "--arc-turns",
+            "path.arc_turns",
+            "For G-code, the meaning of the word P of an arc: total (LinuxCNC, FluidNC), or extra "
+            "full circles before the arc (Marlin).",
+        ),
+        JobOption(
             "--skip-unknown",
             "path.unknown",
             "Skip unknown elements.",

@@ -22,7 +22,7 @@ from armcontour.files.measured_job import (
     tool_patch,
     work_patch,
 )
-from armcontour.files.touch_file import Touches, read_touches
+from armcontour.files.touch_file import Touches, read_doubts, read_touches
 from armcontour.jobs import Job
 from armcontour.robot.measurement import Measurement, measure_part, measure_tool
 
@@ -62,16 +62,25 @@ def _measure(
     - `text`: text of the job file.
     - `noise`: standard deviation of a touch [m].
     """
+    accept = read_doubts(options.accept)
     if options.target == "tool":
         if touches.points is not None:
             raise InvalidInput(
                 "the columns x, y and z are not allowed, because the point that the tool touches "
                 "is computed. Remove them, or measure the part."
             )
-        tool = measure_tool(job.arm, touches.q, noise=noise)
+        tool = measure_tool(
+            job.arm, touches.q, noise=noise, planned=job.arm.chain.tool, accept=accept
+        )
         return tool, tool_patch(job, tool, text)
     part = measure_part(
-        job.arm, touches.points, touches.q, noise=noise, region=measured_region(job)
+        job.arm,
+        touches.points,
+        touches.q,
+        noise=noise,
+        region=measured_region(job),
+        planned=job.part,
+        accept=accept,
     )
     patch = work_patch(job, part) if options.target == "work" else part_patch(part)
     return part, patch

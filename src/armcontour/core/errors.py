@@ -47,7 +47,7 @@ class ArmContourError(Exception):
             empty if unknown.
         t: Time of the event [s].
         joint: Index of the joint, from 0; the message counts joints from 1, as the paper does.
-        limit: Name of the active limit.
+        limit: Name of the active limit, or of the doubt about a measurement.
         needed: Required value (unit of the limit).
         allowed: Allowed value (unit of the limit).
         key: Names and indices, from 0, of the wrong value: keys of a file, from the outermost one,

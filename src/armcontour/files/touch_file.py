@@ -100,6 +100,11 @@ def read_typed(name: str, text: str, unit: str) -> float:
         raise InvalidInput(f"{name} {error}.") from None
 
 
+def read_doubts(text: str) -> list[str]:
+    """Read typed names of doubts to accept, separated by commas: "scaled, touch"."""
+    return [x.strip() for x in text.split(",") if x.strip()]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchColumn:
     """A column of a table in which touches are typed."""

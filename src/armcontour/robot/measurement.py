@@ -7,38 +7,67 @@ Errors that both touches and motion share cancel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.checks import BoolArray, FloatArray, Frozen
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, log
 from armcontour.core.quantities import Length
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, VERDICT, Data, Row
-from armcontour.core.text import short_repr
+from armcontour.core.text import list_some, short_repr
 from armcontour.robot.arm import Arm
+from armcontour.robot.measurement_doubts import (
+    MAX_LISTED,
+    MAX_NOISE_RATIO,
+    TURNED,
+    Alternative,
+    Doubt,
+    alternatives_of_points,
+    angle_of_z,
+    doubt_of_fit,
+    doubt_of_touch,
+    doubts_of_plan,
+    is_planned,
+    point_text,
+    read_accepted,
+    require_accepted,
+    rotation_angle,
+)
 from armcontour.robot.serial import SerialArm
+from armcontour.robot.touch_fit import (
+    FrameFit,
+    fit_frame,
+    fitted_scale,
+    frame_derivatives,
+    leave_one_out,
+    unchecked_directions,
+    unknowns_of_frame,
+)
 
 # Standard deviation of each coordinate of a touch, unless the caller states another one [m].
 TOUCH_NOISE = 1e-4
 # Largest ratio of the expected error of a part or tool to the noise of a touch.
 MAX_AMPLIFICATION = 5.0
-# Largest ratio of residuals to the noise of a touch. Larger residuals are mistakes, not noise.
-MAX_RESIDUAL_RATIO = 10.0
-# Residuals below this are accepted whatever the stated noise is [m].
-ACCEPTED_RESIDUAL = 2e-3
+# Mistake of a touch that the expected error covers if nothing else would show it, divided by the
+# noise of a touch.
+MISTAKE_RATIO = 30.0
+# Angle below which orientations of the tool count as equal: a wrong tool does not show [rad].
+EQUAL_ORIENTATION = np.radians(10.0)
 # Ratio of width to length below which touched points count as collinear.
 COLLINEAR = 1e-6
 # Extent that counts for parts smaller than this [m].
 SMALLEST_EXTENT = 0.05
-# Noise of simulated touches of three points [m]; it is small, so that errors are linear in it.
-SIMULATED_NOISE = 1e-6
+# Change of a touch for the derivatives of a frame of three points [m].
+SMALL_CHANGE = 1e-6
 # Number of simulated measurements for the expected error.
 SIMULATED = 400
 # Smallest distance of the origin from the point on the x axis [m].
@@ -51,7 +80,7 @@ MIN_POSES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Measurement(Frozen, Result):
-    """A measured frame, the residuals of the touches, and the error that their noise causes.
+    """A measured frame, the residuals of the touches, and the error to expect.
 
     Args:
         frame: Measured frame. For a part, it replaces `path.frame` or the work frame; for a tool,
@@ -60,7 +89,11 @@ class Measurement(Frozen, Result):
         noise: Standard deviation of each coordinate of a touch [m]: the stated one, or that of the
             residuals if it is larger.
         expected_error: Expected error [m]: for a part, the mean over repeated measurements of the
-            largest error on it; for a tool, the root mean square of that of its centre point.
+            largest error on it; for a tool, the root mean square of that of its centre point. With
+            unchecked touches, it includes a mistake of 30 times the stated noise at the worst one.
+        unchecked: What no redundancy checks: touches, or the tool centre point.
+        planned: Frame before the measurement; None if it is unknown.
+        doubts: Names of the doubts that were accepted.
     """
 
     MEASURED: ClassVar[str] = ""
@@ -68,17 +101,34 @@ class Measurement(Frozen, Result):
     residuals: FloatArray = field(repr=False)
     noise: float
     expected_error: float
+    unchecked: tuple[str, ...]
+    planned: Frame | None
+    doubts: tuple[str, ...]
 
     def to_data(self) -> Data:
-        """Return the frame, the expected error, and the residual of each touch."""
+        """Return the frame, its difference from the plan, the errors, and what is not checked."""
         position = [float(x) for x in self.frame.position]
-        shown = ", ".join(f"{x * 1e3:z.3f}" for x in position)
         worst = int(self.residuals.argmax())
         rows = (
             Row("position", position, "m"),
-            Row("origin", f"({shown}) mm", "", "position", level=VERDICT),
+            Row("origin", point_text(self.frame.position, 3), "", "position", level=VERDICT),
             Row("rotation", self.frame.rotation.tolist()),
-            Row("expected_error", self.expected_error, "m", "expected error", level=VERDICT),
+            *self._difference_rows(),
+            Row(
+                "expected_error",
+                self.expected_error,
+                "m",
+                "expected error",
+                "with a mistake that nothing would show" if self.has_unchecked_touch else "",
+                level=VERDICT,
+            ),
+            Row(
+                "unchecked",
+                list(self.unchecked) or ["nothing"],
+                "",
+                "no redundancy for",
+                level=VERDICT,
+            ),
             Row(
                 "residual",
                 float(self.residuals[worst]),
@@ -90,16 +140,57 @@ class Measurement(Frozen, Result):
             Row("noise", self.noise, "m", "noise of a touch", level=TABLE),
             Row("residuals", self.residuals.tolist(), "m"),
         )
+        if self.doubts:
+            rows += (Row("doubts", list(self.doubts), "", "accepted doubts", level=VERDICT),)
         return Data(f"{self.MEASURED} from {len(self.residuals)} touches", rows)
+
+    @property
+    def has_unchecked_touch(self) -> bool:
+        """Whether a mistake at a touch could remain unseen, so that the error includes it."""
+        return any(x.startswith("touch") for x in self.unchecked)
+
+    def _difference_rows(self) -> tuple[Row, ...]:
+        """Return how far the measured frame is from the planned one."""
+        if self.planned is None:
+            return ()
+        shift = self.frame.position - self.planned.position
+        return (
+            Row("shift", shift.tolist(), "m"),
+            Row("moved", point_text(shift, 3), "", "from the plan", level=VERDICT),
+        )
 
     __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasuredPart(Measurement):
-    """Frame of a part in the work frame, from touched points of the part."""
+    """Frame of a part in the work frame, from touched points of the part.
+
+    Args:
+        scale: Factor of the drawing that fits the touches best; None without a drawing's points.
+    """
 
     MEASURED = "Part"
+    scale: float | None
+
+    def _difference_rows(self) -> tuple[Row, ...]:
+        """Return how far the measured frame and the scale are from the planned ones."""
+        rows = super(MeasuredPart, self)._difference_rows()
+        if self.planned is not None:
+            turn = rotation_angle(self.frame.rotation, self.planned.rotation)
+            tilt = angle_of_z(self.frame.rotation, self.planned.rotation)
+            rows += (
+                Row("turn", turn, "rad", "turned from the plan", level=VERDICT),
+                Row("tilt", tilt, "rad", "z axis from the plan", level=VERDICT),
+            )
+        if self.scale is None:
+            return rows
+        size = f"{(self.scale - 1) * 100:+.2f} %"
+        return (
+            *rows,
+            Row("scale", self.scale, ""),
+            Row("size", size, "", "part larger than drawn", level=TABLE),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,6 +213,8 @@ def measure_part(
     *,
     noise: Length = TOUCH_NOISE,
     region: npt.ArrayLike | None = None,
+    planned: Frame | None = None,
+    accept: Collection[str] = (),
 ) -> MeasuredPart:
     """Measure the frame of a part from points of the part that the tool touched.
 
@@ -151,16 +244,23 @@ def measure_part(
             replace it.
         region: Points of the part where the frame has to be right, such as its path [m],
             (m, dimension); by default the touched points.
+        planned: Frame where the part was planned, to which the measured one is compared.
+        accept: Names of doubts that are accepted: "turned_over" (the z axis points against the
+            planned one), "mirrored", "scaled", "order" (other orders, mirror images or scales of
+            the points fit the touches clearly better), "touch" (one touch does not fit the others).
 
     Raises:
         InvalidInput: There are fewer than three points (two in the plane), the points lie on a
-            line or so close together that noise turns the part by more than its contours allow, or
-            a touch does not fit its point.
+            line or so close together that noise turns the part by more than its contours allow, the
+            touches do not fit their points, or a doubt is not accepted: its name is `limit`.
     """
     dimension = arm.dimension
-    touched = arm.tool_position(_read_joints(arm, q))
+    accepted = read_accepted(accept)
+    joints = _read_joints(arm, q)
+    touched = arm.tool_position(joints)
     if points is None:
-        return _measure_axes(touched, noise, region)
+        part = _measure_axes(touched, noise, region, planned, accepted)
+        return replace(part, unchecked=(*part.unchecked, *_unchecked_tool(arm, joints)))
     drawn = _read_points("points", points, dimension)
     if len(drawn) != len(touched):
         raise InvalidInput(
@@ -174,23 +274,44 @@ def measure_part(
         )
     needed = drawn if region is None else _read_points("region", region, dimension)
     _require_extent(drawn, needed)
-    rotation, position = _fit_frame(drawn, touched)
-    residuals = np.linalg.norm(drawn @ rotation.T + position - touched, axis=1)
-    sigma = _noise_of(residuals, len(drawn) * dimension - _unknowns(dimension), noise)
-    _require_fit(drawn, touched, residuals, noise)
-    amplification = _error_amplification(drawn, needed)
+    fit = fit_frame(drawn, touched)
+    alternatives = alternatives_of_points(drawn, touched, fit, noise)
+    doubts = _doubts_of_points(drawn, touched, fit, noise)
+    if planned is not None:
+        doubts += doubts_of_plan(fit.rotation, planned, alternatives)
+    names = require_accepted(doubts, accepted)
+    influence = _influence(drawn, needed)
+    amplification = _amplification(influence)
     if amplification > MAX_AMPLIFICATION:
         _refuse_geometry(drawn, needed, amplification, noise)
+    residuals = np.linalg.norm(fit.apart, axis=1)
+    sigma = _noise_of(fit.apart, noise)
+    unseen = unchecked_directions(frame_derivatives(drawn - drawn.mean(axis=0)))
     return MeasuredPart(
-        frame=_in_space(rotation, position),
+        frame=_in_space(fit.rotation, fit.position),
         residuals=checks.frozen_array(residuals),
         noise=sigma,
-        expected_error=sigma * amplification,
+        expected_error=_with_mistakes(sigma * amplification, influence, noise, unseen, doubts),
+        unchecked=(
+            *_unchecked_touches(unseen),
+            *_unchecked_symmetry(fit, alternatives, planned),
+            *_unchecked_tool(arm, joints),
+        ),
+        planned=planned,
+        doubts=names,
+        scale=fitted_scale(drawn, touched, fit),
     )
 
 
 @checked
-def measure_tool(arm: Arm, q: npt.ArrayLike, *, noise: Length = TOUCH_NOISE) -> MeasuredTool:
+def measure_tool(
+    arm: Arm,
+    q: npt.ArrayLike,
+    *,
+    noise: Length = TOUCH_NOISE,
+    planned: Frame | None = None,
+    accept: Collection[str] = (),
+) -> MeasuredTool:
     """Measure the centre point of a tool that touches one fixed point in several orientations.
 
     Flange i has the rotation R_i and the position p_i. The centre point t in the flange frame and
@@ -210,16 +331,21 @@ def measure_tool(arm: Arm, q: npt.ArrayLike, *, noise: Length = TOUCH_NOISE) -> 
         q: Joint positions of the poses [rad], [m] for prismatic joints, (n, dof).
         noise: Standard deviation of each coordinate of a touch [m]. Residuals that are larger
             replace it.
+        planned: Tool frame before the measurement, to which the centre point is compared.
+        accept: Names of doubts that are accepted: "turned_over" (the tool points to the other side
+            of the flange than planned), "touch" (one pose does not fit the others).
 
     Raises:
         InvalidInput: The arm is planar, there are fewer than three poses, the tool has nearly the
-            same orientation in all of them, or a pose does not fit the others.
+            same orientation in all of them, the poses do not touch one point, or a doubt is not
+            accepted: its name is `limit`.
     """
     if not isinstance(arm, SerialArm):
         raise InvalidInput(
             f"The planar arm {arm.name} has no tool frame to measure. Its second link ends at the "
             "tool centre point."
         )
+    accepted = read_accepted(accept)
     joints = _read_joints(arm, q)
     if len(joints) < MIN_POSES:
         raise InvalidInput(
@@ -230,16 +356,122 @@ def measure_tool(arm: Arm, q: npt.ArrayLike, *, noise: Length = TOUCH_NOISE) -> 
     positions, rotations = flange.pose(joints[:, arm.dof - flange.dof :])
     pivot = _solve_pivot(rotations, positions)
     _require_turns(rotations, pivot.matrix)
-    _require_poses_fit(rotations, positions, noise)
-    sigma = _noise_of(pivot.residuals, 3 * len(joints) - 6, noise)
-    covariance = np.linalg.inv(pivot.matrix.T @ pivot.matrix)
+    doubts = _doubts_of_poses(rotations, positions, pivot, noise)
+    if planned is not None and pivot.tool @ planned.position < 0.0:
+        doubts.append(_tool_on_other_side(pivot.tool, planned))
+    names = require_accepted(doubts, accepted)
+    residuals = np.linalg.norm(pivot.apart, axis=1)
+    sigma = _noise_of(pivot.apart, noise)
+    influence = np.asarray(np.linalg.pinv(pivot.matrix)[:3].reshape(1, 3, len(joints), 3))
+    unseen = unchecked_directions(pivot.matrix.reshape(-1, 3, 6))
+    # The root mean square of J⁺ times noise is σ times the root of the trace of (AᵀA)⁻¹.
+    from_noise = sigma * float(np.linalg.norm(influence))
     return MeasuredTool(
         frame=Frame(position=pivot.tool),
         point=checks.frozen_array(pivot.point),
-        residuals=checks.frozen_array(pivot.residuals),
+        residuals=checks.frozen_array(residuals),
         noise=sigma,
-        expected_error=sigma * float(np.sqrt(np.trace(covariance[:3, :3]))),
+        expected_error=_with_mistakes(from_noise, influence, noise, unseen, doubts),
+        unchecked=_unchecked_touches(unseen),
+        planned=planned,
+        doubts=names,
     )
+
+
+def _doubts_of_points(
+    drawn: FloatArray, touched: FloatArray, fit: FrameFit, noise: float
+) -> list[Doubt]:
+    """Return the mistake that the residuals show; refuse residuals that no mistake explains."""
+    doubt = doubt_of_fit(drawn, touched, fit, noise)
+    if doubt is not None:
+        return [doubt]
+    sigma = _noise_of(fit.apart, noise)
+    if sigma <= MAX_NOISE_RATIO * noise:
+        return []
+    drawn_distances = np.linalg.norm(drawn[:, None] - drawn, axis=-1)
+    touched_distances = np.linalg.norm(touched[:, None] - touched, axis=-1)
+    difference = np.abs(drawn_distances - touched_distances)
+    first, second = np.unravel_index(int(difference.argmax()), difference.shape)
+    raise InvalidInput(
+        f"The touches do not fit their points: residuals show a noise of {sigma * 1e3:.3g} mm, at "
+        f"most {MAX_NOISE_RATIO * noise * 1e3:.3g} mm are allowed. Points {first + 1} and "
+        f"{second + 1} are {drawn_distances[first, second] * 1e3:.4g} mm apart in the drawing, but "
+        f"{touched_distances[first, second] * 1e3:.4g} mm where they were touched. Check the order "
+        "of the rows, the units and the tool of the arm, or state the noise of the touches.",
+        needed=sigma,
+        allowed=MAX_NOISE_RATIO * noise,
+    )
+
+
+def _doubts_of_poses(
+    rotations: FloatArray, positions: FloatArray, pivot: _Pivot, noise: float
+) -> list[Doubt]:
+    """Return the pose that does not fit the others; refuse poses that do not touch one point."""
+    squares = float((pivot.apart**2).sum())
+    count = len(positions)
+    if count > MIN_POSES:
+        left_out = leave_one_out(lambda keep: _apart_by(rotations, positions, keep), count)
+        doubt = doubt_of_touch(squares, left_out, noise, ["the touched point"] * count)
+        if doubt is not None:
+            return [doubt]
+    sigma = _noise_of(pivot.apart, noise)
+    if sigma <= MAX_NOISE_RATIO * noise:
+        return []
+    raise InvalidInput(
+        f"The poses do not touch one point: residuals show a noise of {sigma * 1e3:.3g} mm, at "
+        f"most {MAX_NOISE_RATIO * noise * 1e3:.3g} mm are allowed. Check the joint positions, or "
+        "state the noise of the touches.",
+        needed=sigma,
+        allowed=MAX_NOISE_RATIO * noise,
+    )
+
+
+def _tool_on_other_side(tool: FloatArray, planned: Frame) -> Doubt:
+    """Return the doubt about a tool that points to the other side of the flange."""
+    reason = (
+        f"The measured tool centre point {point_text(tool)} is on the other side of the flange "
+        f"than the planned one, {point_text(planned.position)}. Check the signs of the joint "
+        "positions and the planned tool."
+    )
+    return Doubt(name="turned_over", reason=reason)
+
+
+def _unchecked_touches(unseen: FloatArray) -> tuple[str, ...]:
+    """Return the touches whose mistakes the others would not show."""
+    rows = [str(i + 1) for i in np.flatnonzero(np.abs(unseen).max(axis=(1, 2)) > 0.0)]
+    if not rows:
+        return ()
+    listed = list_some(rows, MAX_LISTED)
+    return (f"touch {listed}" if len(rows) == 1 else f"touches {listed}",)
+
+
+def _unchecked_symmetry(
+    fit: FrameFit, alternatives: Sequence[Alternative], planned: Frame | None
+) -> tuple[str, ...]:
+    """Return what neither the touches nor a planned frame tell about a symmetric drawing."""
+    if is_planned(planned):
+        return ()
+    others = [x for x in alternatives if rotation_angle(x.rotation, fit.rotation) > TURNED]
+    if planned is not None:
+        others = [x for x in others if len(x.rotation) == 2 or x.rotation[2, 2] > 0.0]
+    unknown = []
+    if any(x.is_order for x in others):
+        unknown.append("the order of the points")
+    if not all(x.is_order for x in others):
+        unknown.append("mirrored points")
+    return tuple(unknown)
+
+
+def _unchecked_tool(arm: Arm, joints: FloatArray) -> tuple[str, ...]:
+    """Return whether the touches would show a wrong tool centre point.
+
+    With equal orientations, a wrong centre point moves all touches alike.
+    """
+    if not isinstance(arm, SerialArm):
+        return ()
+    rotations = arm.pose(joints)[1]
+    turned = np.linalg.norm(log(rotations[0].T @ rotations), axis=-1)
+    return ("the tool centre point",) if turned.max() < EQUAL_ORIENTATION else ()
 
 
 class _Pivot(NamedTuple):
@@ -248,7 +480,7 @@ class _Pivot(NamedTuple):
     matrix: FloatArray  # Coefficients of tool and point, (3 n, 6)
     tool: FloatArray  # Tool centre point in the flange frame [m], (3,)
     point: FloatArray  # Touched point in the base frame [m], (3,)
-    residuals: FloatArray  # Distance of each touch from the point [m], (n,)
+    apart: FloatArray  # Tool minus touched point [m], (n, 3)
 
 
 def _read_points(name: str, points: npt.ArrayLike, dimension: int) -> FloatArray:
@@ -259,7 +491,13 @@ def _read_points(name: str, points: npt.ArrayLike, dimension: int) -> FloatArray
     return values[:, :dimension]
 
 
-def _measure_axes(touched: FloatArray, noise: float, region: npt.ArrayLike | None) -> MeasuredPart:
+def _measure_axes(
+    touched: FloatArray,
+    noise: float,
+    region: npt.ArrayLike | None,
+    planned: Frame | None,
+    accepted: Collection[str],
+) -> MeasuredPart:
     """Measure the frame of a part by the three-point method."""
     count, dimension = touched.shape
     if count != 3:
@@ -274,18 +512,15 @@ def _measure_axes(touched: FloatArray, noise: float, region: npt.ArrayLike | Non
             "axis, and a point beside this axis, far from each other."
         )
     frame = _frame_of_axes(touched)
-    drawn = (touched - frame.position[:dimension]) @ frame.rotation[:dimension, :dimension]
+    rotation = frame.rotation[:dimension, :dimension]
+    doubts = []
+    if planned is not None:
+        doubts = doubts_of_plan(rotation, planned, _alternatives_of_axes(touched, rotation))
+    names = require_accepted(doubts, accepted)
+    drawn = (touched - frame.position[:dimension]) @ rotation
     needed = drawn if region is None else _read_points("region", region, dimension)
-    random = np.random.default_rng(0)
-    largest = []
-    for _ in range(SIMULATED):
-        noise_of_touches = random.standard_normal(touched.shape) * SIMULATED_NOISE
-        simulated = _frame_of_axes(touched + noise_of_touches)
-        shift = simulated.position - frame.position
-        turned = (simulated.rotation - frame.rotation)[:dimension, :dimension]
-        errors = needed @ turned.T + shift[:dimension]
-        largest.append(np.linalg.norm(errors, axis=1).max() * (1 / SIMULATED_NOISE))
-    amplification = float(np.mean(largest))
+    influence = _influence_of_axes(touched, frame, needed)
+    amplification = _amplification(influence)
     if amplification > MAX_AMPLIFICATION:
         farther = amplification / MAX_AMPLIFICATION
         raise InvalidInput(
@@ -296,12 +531,56 @@ def _measure_axes(touched: FloatArray, noise: float, region: npt.ArrayLike | Non
             needed=amplification * noise,
             allowed=MAX_AMPLIFICATION * noise,
         )
+    # There are as many unknowns as coordinates that count, so nothing checks a touch.
+    unseen: FloatArray = np.stack([np.eye(dimension)] * 3)
     return MeasuredPart(
         frame=frame,
         residuals=checks.frozen_array(np.zeros(3)),
         noise=noise,
-        expected_error=noise * amplification,
+        expected_error=_with_mistakes(noise * amplification, influence, noise, unseen, doubts),
+        unchecked=_unchecked_touches(unseen),
+        planned=planned,
+        doubts=names,
+        scale=None,
     )
+
+
+def _alternatives_of_axes(touched: FloatArray, rotation: FloatArray) -> list[Alternative]:
+    """Return the rotations with the three touches in another order, or y on the other side."""
+    dimension = len(rotation)
+    signs = np.array([1.0, -1.0, -1.0])[:dimension]
+    found = [
+        Alternative(
+            correction="with the third touch on the other side of the x axis",
+            rotation=rotation * signs,
+            is_order=False,
+        )
+    ]
+    for order in list(permutations(range(3)))[1:]:
+        frame = _frame_of_axes(touched[list(order)])
+        listed = ", ".join(str(i + 1) for i in order)
+        found.append(
+            Alternative(
+                correction=f"with the touches in the order {listed}",
+                rotation=frame.rotation[:dimension, :dimension],
+                is_order=True,
+            )
+        )
+    return found
+
+
+def _influence_of_axes(touched: FloatArray, frame: Frame, needed: FloatArray) -> FloatArray:
+    """Return derivatives of needed points by three touches, by differences, (m, d, 3, d)."""
+    count, dimension = touched.shape
+    influence = np.empty((len(needed), dimension, count, dimension))
+    for touch, axis in np.ndindex(count, dimension):
+        changed = touched.copy()
+        changed[touch, axis] += SMALL_CHANGE
+        other = _frame_of_axes(changed)
+        turned = (other.rotation - frame.rotation)[:dimension, :dimension]
+        shift = (other.position - frame.position)[:dimension]
+        influence[:, :, touch, axis] = (needed @ turned.T + shift) / SMALL_CHANGE
+    return influence
 
 
 def _frame_of_axes(touched: FloatArray) -> Frame:
@@ -326,23 +605,6 @@ def _read_joints(arm: Arm, q: npt.ArrayLike) -> FloatArray:
     return joints
 
 
-def _unknowns(dimension: int) -> int:
-    """Return the number of unknowns of a frame: its position and its rotation."""
-    return 3 if dimension == 2 else 6
-
-
-def _fit_frame(drawn: FloatArray, touched: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rotation and the position that map drawn to touched points best (Kabsch)."""
-    drawn_centre = drawn.mean(axis=0)
-    touched_centre = touched.mean(axis=0)
-    left, _, right = np.linalg.svd((drawn - drawn_centre).T @ (touched - touched_centre))
-    # The factor -1 on the weakest direction turns a reflection into the nearest rotation.
-    signs = np.ones(drawn.shape[1])
-    signs[-1] = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    rotation = right.T @ (signs[:, None] * left.T)
-    return rotation, touched_centre - rotation @ drawn_centre
-
-
 def _in_space(rotation: FloatArray, position: FloatArray) -> Frame:
     """Return the frame in space; for a planar arm, a rotation about z."""
     if len(position) == 3:
@@ -352,45 +614,68 @@ def _in_space(rotation: FloatArray, position: FloatArray) -> Frame:
     return Frame(position=np.append(position, 0.0), rotation=turned)
 
 
-def _jacobian(points: FloatArray) -> FloatArray:
-    """Return the derivatives of points by a frame's unknowns, (n, dimension, unknowns)."""
-    count, dimension = points.shape
-    jacobian = np.zeros((count, dimension, _unknowns(dimension)))
-    jacobian[:, :, :dimension] = np.eye(dimension)
-    if dimension == 2:
-        jacobian[:, 0, 2] = -points[:, 1]
-        jacobian[:, 1, 2] = points[:, 0]
-        return jacobian
-    for axis in range(3):
-        jacobian[:, :, 3 + axis] = np.cross(np.eye(3)[axis], points)
-    return jacobian
+def _influence(drawn: FloatArray, needed: FloatArray) -> FloatArray:
+    """Return derivatives of needed points by the touches, (m, d, n, d).
 
-
-def _simulated_errors(drawn: FloatArray, needed: FloatArray) -> FloatArray:
-    """Return errors at needed points in measurements with touches of unit noise, (samples, m).
-
-    Measurements are simulated with the linearized frame: its error is the pseudoinverse of J times
-    the errors of the touches.
+    The linearized frame has an error of the pseudoinverse of J times the errors of the touches.
     """
+    count, dimension = drawn.shape
     centre = drawn.mean(axis=0)
-    rows = _jacobian(drawn - centre).reshape(-1, _unknowns(drawn.shape[1]))
-    at_needed = _jacobian(needed - centre) @ np.linalg.pinv(rows)
+    rows = frame_derivatives(drawn - centre).reshape(-1, unknowns_of_frame(dimension))
+    influence = frame_derivatives(needed - centre) @ np.linalg.pinv(rows)
+    return np.asarray(influence.reshape(len(needed), dimension, count, dimension))
+
+
+def _simulated_errors(influence: FloatArray) -> FloatArray:
+    """Return errors at needed points in measurements with touches of unit noise, (samples, m)."""
     # A fixed seed: the same touches always have the same expected error.
-    noise = np.random.default_rng(0).standard_normal((SIMULATED, drawn.size))
-    errors = np.einsum("mdk,sk->smd", at_needed, noise)
+    noise = np.random.default_rng(0).standard_normal((SIMULATED, *influence.shape[2:]))
+    errors = np.einsum("mdik,sik->smd", influence, noise, optimize=True)
     return np.asarray(np.linalg.norm(errors, axis=2))
 
 
-def _error_amplification(drawn: FloatArray, needed: FloatArray) -> float:
+def _amplification(influence: FloatArray) -> float:
     """Return the expected largest error at needed points, divided by the noise of a touch."""
-    return float(_simulated_errors(drawn, needed).max(axis=1).mean())
+    return float(_simulated_errors(influence).max(axis=1).mean())
 
 
-def _noise_of(residuals: FloatArray, freedom: int, noise: float) -> float:
-    """Return the stated noise of a touch, or that of the residuals if it is larger [m]."""
+def _with_mistakes(
+    from_noise: float,
+    influence: FloatArray,
+    noise: float,
+    unseen: FloatArray,
+    doubts: Sequence[Doubt],
+) -> float:
+    """Return the expected error with the largest mistake that is unseen or accepted [m].
+
+    Args:
+        from_noise: Expected error without mistakes [m].
+        influence: Derivatives of needed points by the touches, (m, d, n, d).
+        noise: Stated standard deviation of each coordinate of a touch [m].
+        unseen: Projections on directions in which nothing checks a touch, (n, d, d).
+        doubts: Accepted doubts.
+    """
+    moved = np.einsum("mdik,ikl->midl", influence, unseen)
+    mistake = float(np.linalg.norm(moved, ord=2, axis=(2, 3)).max()) * MISTAKE_RATIO * noise
+    for doubt in doubts:
+        if doubt.index is not None and doubt.mistake is not None:
+            by_touch = influence[:, :, doubt.index] @ doubt.mistake
+            mistake = max(mistake, float(np.linalg.norm(by_touch, axis=1).max()))
+    return float(np.hypot(from_noise, mistake))
+
+
+def _noise_of(apart: FloatArray, noise: float) -> float:
+    """Return the stated noise of a touch, or that of the residuals if it is larger [m].
+
+    Args:
+        apart: Residuals of the touches [m], (n, dimension). A frame has as many unknowns as a tool
+            with the touched point.
+        noise: Stated standard deviation of each coordinate [m].
+    """
+    freedom = apart.size - unknowns_of_frame(apart.shape[1])
     if freedom <= 0:
         return noise
-    return max(noise, float(np.sqrt((residuals**2).sum() / freedom)))
+    return max(noise, float(np.sqrt((apart**2).sum() / freedom)))
 
 
 def _require_extent(drawn: FloatArray, needed: FloatArray) -> None:
@@ -401,7 +686,7 @@ def _require_extent(drawn: FloatArray, needed: FloatArray) -> None:
     where = "at one place" if extent < 1e-6 else "on a line"
     raise InvalidInput(
         f"The touched points lie {where}, so that they do not determine the rotation of the part. "
-        f"Also touch a point near {_written(_best_addition(drawn, needed))}.",
+        f"Also touch a point near {point_text(_best_addition(drawn, needed))}.",
         needed=extent,
     )
 
@@ -441,7 +726,7 @@ def _worst_error_with(drawn: FloatArray, addition: FloatArray, needed: FloatArra
     touched = np.concatenate([drawn, addition[None]])
     if _is_on_line(touched):
         return np.inf
-    return _error_amplification(touched, needed)
+    return _amplification(_influence(touched, needed))
 
 
 def _is_on_line(points: FloatArray) -> bool:
@@ -457,67 +742,17 @@ def _refuse_geometry(
     """Refuse touches whose noise causes too large an error somewhere on the part."""
     addition = _best_addition(drawn, needed)
     more = np.concatenate([drawn, addition[None]])
-    after = _error_amplification(more, needed)
-    worst = int(_simulated_errors(drawn, needed).mean(axis=0).argmax())
+    after = _amplification(_influence(more, needed))
+    worst = int(_simulated_errors(_influence(drawn, needed)).mean(axis=0).argmax())
     raise InvalidInput(
         f"The touched points are too close together or too near to a line: noise of "
         f"{noise * 1e3:.3g} mm per touch causes an error of {amplification * noise * 1e3:.3g} mm "
-        f"at {_written(needed[worst])}, at most {MAX_AMPLIFICATION * noise * 1e3:.3g} mm are "
-        f"allowed. Also touch a point near {_written(addition)}, which reduces it to "
+        f"at {point_text(needed[worst])}, at most {MAX_AMPLIFICATION * noise * 1e3:.3g} mm are "
+        f"allowed. Also touch a point near {point_text(addition)}, which reduces it to "
         f"{after * noise * 1e3:.3g} mm.",
         needed=amplification * noise,
         allowed=MAX_AMPLIFICATION * noise,
     )
-
-
-def _require_fit(
-    drawn: FloatArray, touched: FloatArray, residuals: FloatArray, noise: float
-) -> None:
-    """Refuse a touch that does not fit its point, such as a swapped or mistyped one."""
-    allowed = max(MAX_RESIDUAL_RATIO * noise, ACCEPTED_RESIDUAL)
-    if residuals.max() <= allowed:
-        return
-    if len(drawn) > MIN_TOUCHES[drawn.shape[1]]:
-        # The touch whose omission leaves the smallest residuals is the mistaken one, if the others
-        # then fit. The largest residual alone is misleading, because a mistake bends the fit.
-        others = np.array([_residual_without(drawn, touched, i) for i in range(len(drawn))])
-        mistaken = int(others.argmin())
-        if others[mistaken] <= allowed:
-            raise InvalidInput(
-                f"Touch {mistaken + 1} does not fit its point {_written(drawn[mistaken])}: without "
-                f"it the residuals are at most {others[mistaken] * 1e3:.3g} mm, with it "
-                f"{residuals.max() * 1e3:.3g} mm, at most {allowed * 1e3:.3g} mm are allowed. "
-                "Correct its coordinates, or touch it again.",
-                index=mistaken,
-                needed=float(residuals.max()),
-                allowed=allowed,
-            )
-    drawn_distances = np.linalg.norm(drawn[:, None] - drawn, axis=-1)
-    touched_distances = np.linalg.norm(touched[:, None] - touched, axis=-1)
-    difference = np.abs(drawn_distances - touched_distances)
-    first, second = np.unravel_index(int(difference.argmax()), difference.shape)
-    raise InvalidInput(
-        f"The touches do not fit their points: residuals are up to {residuals.max() * 1e3:.3g} mm, "
-        f"at most {allowed * 1e3:.3g} mm are allowed. Points {first + 1} and {second + 1} are "
-        f"{drawn_distances[first, second] * 1e3:.4g} mm apart in the drawing, but "
-        f"{touched_distances[first, second] * 1e3:.4g} mm where they were touched. Check the order "
-        "of the rows, the units and the tool of the arm.",
-        needed=float(residuals.max()),
-        allowed=allowed,
-    )
-
-
-def _residual_without(drawn: FloatArray, touched: FloatArray, omitted: int) -> float:
-    """Return the largest residual of a fit without one touch [m]."""
-    keep = np.arange(len(drawn)) != omitted
-    rotation, position = _fit_frame(drawn[keep], touched[keep])
-    apart = drawn[keep] @ rotation.T + position - touched[keep]
-    return float(np.linalg.norm(apart, axis=1).max())
-
-
-def _written(point: FloatArray) -> str:
-    """Write a point in mm, such as "(40, 20, 0) mm"."""
-    return f"({', '.join(f'{x * 1e3:z.4g}' for x in point)}) mm"
 
 
 def _solve_pivot(rotations: FloatArray, positions: FloatArray) -> _Pivot:
@@ -526,8 +761,14 @@ def _solve_pivot(rotations: FloatArray, positions: FloatArray) -> _Pivot:
     matrix = np.concatenate([rotations, unit], axis=2).reshape(-1, 6)
     right = -positions.reshape(-1)
     solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    residuals = np.linalg.norm((matrix @ solution - right).reshape(-1, 3), axis=1)
-    return _Pivot(matrix, solution[:3], solution[3:], residuals)
+    apart = (matrix @ solution - right).reshape(-1, 3)
+    return _Pivot(matrix, solution[:3], solution[3:], apart)
+
+
+def _apart_by(rotations: FloatArray, positions: FloatArray, keep: BoolArray) -> FloatArray:
+    """Return tool minus touched point of all poses, by the tool of some poses [m], (n, 3)."""
+    pivot = _solve_pivot(rotations[keep], positions[keep])
+    return rotations @ pivot.tool + positions - pivot.point
 
 
 def _require_turns(rotations: FloatArray, matrix: FloatArray) -> None:
@@ -546,28 +787,4 @@ def _require_turns(rotations: FloatArray, matrix: FloatArray) -> None:
         f"more than {MAX_AMPLIFICATION:g}. Also touch the point with the tool tilted by 40 deg or "
         f"more about the flange's {others} axes.",
         needed=float(np.radians(largest)),
-    )
-
-
-def _require_poses_fit(rotations: FloatArray, positions: FloatArray, noise: float) -> None:
-    """Refuse a pose in which the tool did not touch the same point as in the others."""
-    residuals = _solve_pivot(rotations, positions).residuals
-    allowed = max(MAX_RESIDUAL_RATIO * noise, ACCEPTED_RESIDUAL)
-    if residuals.max() <= allowed:
-        return
-    mistaken = int(residuals.argmax())
-    if len(positions) > MIN_POSES:
-        others = np.arange(len(positions))
-        without = [
-            _solve_pivot(rotations[others != i], positions[others != i]).residuals.max()
-            for i in others
-        ]
-        mistaken = int(np.argmin(without))
-    raise InvalidInput(
-        f"The poses do not touch one point: residuals are up to {residuals.max() * 1e3:.3g} mm, at "
-        f"most {allowed * 1e3:.3g} mm are allowed. Pose {mistaken + 1} differs most from the "
-        "others. Record it again, or check the joint positions of its row.",
-        index=mistaken,
-        needed=float(residuals.max()),
-        allowed=allowed,
     )

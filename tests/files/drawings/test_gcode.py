@@ -223,6 +223,99 @@ def test_helices_and_arcs_with_rounded_ends_are_read():
     refusals(read, [(text.format(*x), "part.ngc, line 2 ... allowed") for x in ends])
 
 
+SLICED = "G1 X0 Y10 F600|M101|G1 X50|M103|G83|G1 Y50|M2"
+ARC_WORDS = {"M101": {"arc": True}, "m103": {"arc": False, "gas": 2.5}, "G83": {}}
+
+
+def test_declared_words_switch_outputs():
+    program = read(SLICED, words=ARC_WORDS)
+    assert describe_moves(program) == "cut arc=True@10 arc=False@60 gas=2.5@60"
+    (note,) = program.notes
+    assert "G83 (first in line 5)" in note
+    # Their own parameters have no meaning; those of other codes on the line keep theirs. As by
+    # other M codes, outputs are switched before the motion or dwell of the line.
+    program = read("F600|M101 P5|G1 X10 M103|G4 P2 M101|G1 X20", words=ARC_WORDS)
+    assert describe_moves(program) == (
+        "arc=True, arc=False, gas=2.5, cut arc=True@10, dwell 2, cut"
+    )
+    # A declared M code replaces the usual meaning.
+    program = read("F600|M3 S100|G1 X10|M5", words={"M3": {"arc": True}, "M05": {"arc": False}})
+    assert describe_moves(program) == "spindle speed=100.0, arc=True, cut arc=False@10"
+
+
+def test_words_that_move_or_end_the_program_cannot_be_declared():
+    for word in ("G1", "G28", "G91", "M2", "M30", "M98", "X", "arc"):
+        with pytest.raises(InvalidInput, match=word) as caught:
+            read(SLICED, words={word: {"arc": True}})
+        assert caught.value.key == ("words", word)
+    refusals(
+        lambda text: read(text, words=ARC_WORDS),
+        [("F600|G1 X1|G83 X5 Z-2", "part.ngc, line 3 ... G83 ... coordinates")],
+    )
+    assert "G83 is not supported" in str(pytest.raises(InvalidInput, read, SLICED).value)
+
+
+CIRCLE = 2 * math.pi * 0.01
+HELIX = "G0 X10 Y0 Z0 F500|G2 X10 Y0 Z-3 I-10 J0 P3|G1 X20"
+
+
+@pytest.mark.parametrize(
+    ("comment", "arc_turns", "turns"),
+    [
+        ("", "total", 3),
+        ("", "extra", 4),
+        ("(Post Processor: linuxcnc_post)|", None, 3),
+        ("; for FluidNC|", None, 3),
+        (";FLAVOR:Marlin|", None, 4),
+        (";FLAVOR:Marlin|", "total", 3),
+    ],
+)
+def test_p_of_an_arc_is_the_number_of_turns_of_the_controller(comment, arc_turns, turns):
+    program = read(comment + HELIX, arc_turns=arc_turns)
+    path = program.contours[0].path
+    assert path.length == pytest.approx(math.hypot(turns * CIRCLE, 3e-3) + 0.01, rel=1e-7)
+    s = np.linspace(0, path.length - 0.0101, 5000)
+    angle = np.unwrap(np.arctan2(path(s)[:, 1], path(s)[:, 0]))
+    assert abs(angle[-1]) == pytest.approx(turns * 2 * np.pi, rel=1e-3)
+    assert len(program.notes) == (arc_turns is None)
+
+
+@pytest.mark.parametrize(
+    ("arc", "length"),
+    [
+        ("G3 I-10 P1", CIRCLE),
+        ("G3 I-10 P3", 3 * CIRCLE),
+        ("G3 X0 Y10 I-10 P2", 1.25 * CIRCLE),
+        ("G3 X0 Y10 R10 P2", 1.25 * CIRCLE),
+        ("G2 X0 Y10 I-10 P2", 1.75 * CIRCLE),
+    ],
+)
+def test_flat_arcs_have_full_circles_before_them(arc, length):
+    path = read(f"G0 X10 F600|{arc}", arc_turns="total").contours[0].path
+    assert path.length == pytest.approx(length, rel=1e-12)
+    assert np.linalg.norm(path(np.linspace(0, length, 99)), axis=1) == pytest.approx(0.01)
+    assert len(path.stops) == 0
+
+
+def test_p_of_an_arc_is_refused_with_both_meanings_if_the_controller_is_unknown():
+    both = (
+        "part.ngc, line 2 ... LinuxCNC and FluidNC 3 turns ... Marlin 3 full circles ... arc_turns"
+    )
+    refusals(
+        read,
+        [(HELIX, both), ("(LinuxCNC or Marlin)|" + HELIX, both.replace("line 2", "line 3"))],
+    )
+    refusals(
+        lambda text: read(text, arc_turns="total"),
+        [
+            (HELIX.replace("P3", "P0"), "line 2 ... from 1 to"),
+            (HELIX.replace("P3", "P1.5"), "line 2 ... whole number"),
+            (HELIX.replace("P3", "P1e9"), "exponent"),
+            (HELIX.replace("P3", "P1000000"), "line 2 ... from 1 to"),
+        ],
+    )
+
+
 def test_words_without_motion_are_skipped_with_a_note():
     check_points("""
 format/block_delete => 0,0 1,0 2,0 => lines with a slash ... first in line 3

@@ -371,6 +371,25 @@ def test_hidden_or_clipped_elements_are_skipped():
     assert len(read(body, unknown="skip").contours) == 2
 
 
+@pytest.mark.parametrize(("beyond", "drawn"), [(5e-5, 1), (0.2, 0)], ids=["0.05 um", "0.2 mm"])
+def test_outlines_beyond_a_clip_by_less_than_join_tolerance_are_drawn(beyond, drawn):
+    # In mm: a rectangle, a path along the border, and a spike that ends beyond it.
+    edge = 30 + beyond
+    shapes = [
+        f"M20 12H{edge}V18H20Z",
+        f"M{edge} 10V20",
+        f"M20 11L{edge} 15L20 19",
+    ]
+    clip = '<clipPath id="c"><rect x="10" y="10" width="20" height="10"/></clipPath>'
+    for shape in shapes:
+        body = f'{clip}<g clip-path="url(#c)"><path d="{shape}"/><path d="M11 11h1"/></g>'
+        program = read(body, unknown="skip")
+        assert len(program.contours) == 1 + drawn
+        # The tolerance is that of the option.
+        assert len(read(body, unknown="skip", join_tolerance=3e-4).contours) == 2
+        assert len(read(body, unknown="skip", join_tolerance=1e-9).contours) == 1
+
+
 def test_nested_drawings_are_clipped_at_their_viewport():
     place = 'x="10" y="10" width="20" height="20"'
     for y, drawn in ((5, 1), (-9, 0)):

@@ -42,14 +42,27 @@ NO_SIZE = "Skipped because they have no size"
 CUT_OFF = "Skipped because a clip or viewport removes them, in part or completely"
 
 
-def is_drawn(path: Path, border: Path) -> BoolArray:
-    """Return which parts of a planar path that was cut at a border are inside or on this border."""
-    # A point is inside if its winding number is not 0. Parts on the border are drawn.
+# Places of a part beyond a border at which its distance is measured, as fractions of its length.
+PLACES = (0.5, 0.0, 0.25, 0.75, 1.0)
+
+
+def is_drawn(path: Path, border: Path, tolerance: float) -> BoolArray:
+    """Return which parts of a planar path that was cut at a border are inside or on this border.
+
+    A part outside is on the border if its points are at most `tolerance` [m] beyond it.
+    """
+    # A point is inside if its winding number is not 0.
     table = path.segments
     i, begin, end = _cut_at_border(table, border.segments)
     middles = table.evaluate(i, (begin + end) / 2)
     drawn = wind_around([border], middles) != 0
-    drawn |= find_nearest(border.segments, middles).distance <= REPEATED_POINT
+    beyond = np.flatnonzero(~drawn)
+    for share in PLACES:
+        place = begin[beyond] + share * (end - begin)[beyond]
+        points = table.evaluate(i[beyond], place)
+        distance = find_nearest(border.segments, points).distance
+        beyond = beyond[distance <= max(REPEATED_POINT, tolerance)]
+    drawn[beyond] = True
     return np.asarray(drawn)
 
 
@@ -220,7 +233,8 @@ class Walk:
         """Return the paths of an entity; none if a clip removes them, in part or completely."""
         drawn = np.zeros(1, np.bool_)
         if border is not None and paths:
-            drawn = np.concatenate([is_drawn(x, border) for x in paths])
+            tolerance = self.options.join_tolerance
+            drawn = np.concatenate([is_drawn(x, border, tolerance) for x in paths])
         if drawn.all():
             return paths
         if drawn.any() and not self.skip:

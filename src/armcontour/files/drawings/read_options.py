@@ -26,7 +26,7 @@ from armcontour.geometry import Path, SegmentLimits, Segments
 from armcontour.geometry.rounding.tangent_repair import LARGEST_KINK, RepairedPath, repair_tangents
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.program import Contour, Program
-from armcontour.program.moves import Move, put_on_path
+from armcontour.program.moves import Move, Value, put_on_path
 
 # Maximum size of a file [bytes]. The data structures need many times the size of the file.
 MAX_FILE_SIZE = MAX_HAND_WRITTEN
@@ -37,6 +37,8 @@ ReportFraction = Callable[[float], None]
 # two points; a drawing with such coordinates has a wrong unit.
 MAX_COORDINATE = 1e6
 UNKNOWN = ("refuse", "skip")
+# Meanings of the word P of an arc in G-code.
+ARC_TURNS = ("total", "extra")
 
 
 def fraction_reporter(progress: Progress | None, source: str) -> ReportFraction:
@@ -84,7 +86,8 @@ class ReadOptions(Checked):
             DXF also AutoCAD's numbers.
         ignore_z: Whether to ignore z and the tool orientation in the file.
         chord_tolerance: Maximum distance between a curve and the arcs that replace it [m].
-        join_tolerance: Distance below which two ends are the same point [m].
+        join_tolerance: Distance below which two ends are the same point, and by which an outline
+            may be beyond its clip [m].
         repair_vertices: Largest rounding error of coordinates [m]. A vertex is made tangent, with a
             note, if an error of this size can explain its turn. Short moves along a line become
             one line. The default suits three decimals of a millimetre and four of an inch. 0
@@ -95,6 +98,12 @@ class ReadOptions(Checked):
             whose union is read. Without rules all edges are read, at most 20 contours.
         tool_axis: For CAD models, the direction of the tool along edges; by default the `Bisector`
             of the faces. None reads contours without tool orientation.
+        words: For G-code, G and M codes that switch outputs, with the states that they set by the
+            name of the output, such as {"M101": {"arc": True}, "M103": {"arc": False}}. A code with
+            an empty mapping is ignored, with a note.
+        arc_turns: For G-code, the meaning of the word P of an arc: "total" counts all turns, as in
+            LinuxCNC and FluidNC, "extra" the full circles before the arc, as in Marlin. By default
+            a comment of the file that names one of them decides.
         unknown: Whether to "refuse" unknown elements of drawings and unknown columns of tables, or
             "skip" them with a note.
 
@@ -114,6 +123,8 @@ class ReadOptions(Checked):
     columns: str | None = None
     edges: Sequence[EdgeRule] | EdgeRule | None = None
     tool_axis: Annotated[Bisector | None, NO_KEY] = BISECTOR
+    words: Mapping[str, Mapping[str, Value]] | None = None
+    arc_turns: Annotated[str, Choice(ARC_TURNS)] | None = None
     unknown: Annotated[str, Choice(UNKNOWN)] = "refuse"
 
     def _check_together(self) -> None:

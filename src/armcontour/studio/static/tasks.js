@@ -45,7 +45,7 @@ const tasks = () => [
   { task: "changes", title: "Improve", what: "Finds changes that save time, or that make the run keep its accuracy." },
   { task: "report", title: "Report", what: "The page with all figures, to keep and to print." },
   {
-    task: "measure", title: "Measure", table: TouchTable, options: ({ noise }) => ({ ...touchOptions(), noise }),
+    task: "measure", title: "Measure", table: TouchTable, options: ({ noise, accept }) => ({ ...touchOptions(), noise, accept }),
     what: "Finds where the part is: joint positions at points that the tool touched, with the coordinates of the points in the drawing. Without coordinates: the origin, a point on the x axis, and one on the side of the y axis. Tables can be pasted.",
   },
   { task: "identify", title: "Identify", what: "Finds kp, kv and the dead time of your robot's servo from the logs.", onLogs: true, options: logOptions },

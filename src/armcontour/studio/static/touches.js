@@ -12,6 +12,9 @@ const FIRST_ROWS = 3;
 /** Distance of a number from its point [px]. */
 const BESIDE = [7, -7];
 
+/** Names of doubts about a measurement, which can be accepted. */
+const DOUBTS = ["turned_over", "mirrored", "scaled", "order", "touch"];
+
 const columns = signal(/** @type {Column[]} */ ([]));
 /** Texts of the cells. */
 const rows = signal(/** @type {string[][]} */ ([]));
@@ -67,7 +70,8 @@ export function TouchTable() {
         <tbody>${rows.value.map((row, i) => html`<tr key=${i}><th scope="row">${i + 1}</th>${row.map((text, k) => cell(text, i, k))}
           <td class="acts"><button type="button" aria-label=${`Remove touch ${i + 1}`} title=${`Remove touch ${i + 1}`} onClick=${() => remove(i)}>×</button></td></tr>`)}</tbody></table></div>
     <div class="task-fields"><button type="button" onClick=${() => (rows.value = [...rows.value, emptyRow()])}>Add a touch</button>
-      <label class="field" title="Standard deviation of each coordinate of a touch">noise of a touch <input type="text" name="noise" size="8" placeholder="0.1 mm" /></label></div>`;
+      <label class="field" title="Standard deviation of each coordinate of a touch">noise of a touch <input type="text" name="noise" size="8" placeholder="0.1 mm" /></label>
+      <label class="field" title="If a measurement is refused because of a doubt, and is right all the same">accept the doubt <select name="accept"><option value="">none</option>${DOUBTS.map((name) => html`<option value=${name}>${name}</option>`)}</select></label></div>`;
 }
 
 /** Numbered dots at the touched points. */

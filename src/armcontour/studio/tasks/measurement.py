@@ -23,10 +23,10 @@ def measure(request: Request) -> MessageFrame:
     """Measure the frame of the part; the frame has the edit that writes it into the job.
 
     Options: `rows`, the texts of the table of touches; `noise`, the noise of a touch as text, in mm
-    without a unit.
+    without a unit; `accept`, the names of doubts to accept, separated by commas.
     """
     from armcontour.files.measured_job import measured_region, part_patch
-    from armcontour.files.touch_file import read_touch_rows, read_typed
+    from armcontour.files.touch_file import read_doubts, read_touch_rows, read_typed
     from armcontour.report.view import in_space
     from armcontour.robot.measurement import TOUCH_NOISE, measure_part
 
@@ -36,7 +36,13 @@ def measure(request: Request) -> MessageFrame:
     touches = read_touch_rows(rows, job.arm)
     sigma = read_typed("The noise of a touch", str(noise), "mm") if noise else TOUCH_NOISE
     measured = measure_part(
-        job.arm, touches.points, touches.q, noise=sigma, region=measured_region(job)
+        job.arm,
+        touches.points,
+        touches.q,
+        noise=sigma,
+        region=measured_region(job),
+        planned=job.part,
+        accept=read_doubts(str(request.option("accept", ""))),
     )
     touched = job.arm.tool_position(touches.q)
     edits = [

@@ -59,7 +59,10 @@ class ArcPart:
 
 @dataclass(frozen=True, slots=True)
 class ProgrammedArc:
-    """A programmed arc of at most one full turn, as a circle with start and end."""
+    """A programmed arc of at most one full turn, as a circle with start and end.
+
+    `circles` full circles come before it.
+    """
 
     center: complex  # Centre [m]
     start: complex  # Start point [m]
@@ -68,6 +71,7 @@ class ProgrammedArc:
     sweep: float  # Swept angle [rad], positive
     radius: float  # Distance from the centre to the start [m]
     end_radius: float  # Distance from the centre to the end [m]
+    circles: int = 0  # Number of full circles before the arc
 
 
 def arc_around(
@@ -127,7 +131,13 @@ def arc_with_radius(start: complex, end: complex, radius: float, turn: int) -> P
 
 
 def arc_parts(arc: ProgrammedArc) -> list[ArcPart]:
-    """Divide a programmed arc into one or two arcs."""
+    """Divide a programmed arc into its full circles and one or two arcs."""
+    circles = [_arc_around(arc, 2 * math.pi)] * arc.circles
+    return [*circles, *_parts_of_turn(arc)]
+
+
+def _parts_of_turn(arc: ProgrammedArc) -> list[ArcPart]:
+    """Divide an arc of at most one full turn into one or two arcs."""
     if arc.start == arc.end:
         return [_arc_around(arc, 2 * math.pi)]
     squares = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
@@ -211,11 +221,12 @@ def helix_knots(
     # A quintic with the tangents and curvatures of an arc of angle a is within r a⁶ / 46080 of it.
     # Steps of LARGEST_STEP keep the length of its derivative near 1.
     step = min((HELIX_ERROR * tolerance / largest) ** (1 / 6), LARGEST_STEP)
-    n = max(1, math.ceil(arc.sweep / step))
+    sweep = arc.sweep + 2 * math.pi * arc.circles
+    n = max(1, math.ceil(sweep / step))
     count_segments(n)
     out = (arc.start - arc.center) / arc.radius
     growth = arc.end_radius - arc.radius
-    angle = arc.turn * arc.sweep
+    angle = arc.turn * sweep
     point = []
     first = []
     second = []

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from armcontour.core.text import count_noun
 from armcontour.files.drawings.gcode import words as codes
 from armcontour.files.drawings.gcode.arcs import (
     ProgrammedArc,
@@ -45,7 +48,6 @@ COOLANT: dict[int, Value] = {7: "mist", 8: "flood", 9: False}
 BOTH = "mist and flood"
 DIGITAL = {62: True, 63: False, 64: True, 65: False}
 ANALOG = (67, 68)
-TOOL_CHANGE = 6
 # Largest coordinate [m]. Above this value a double does not resolve a nanometre.
 FARTHEST = 1e6
 # Largest feed rate [m/s].
@@ -56,6 +58,8 @@ SAME_HEIGHT = 1e-9
 ZERO_POSITION = 1e-9
 # Dwells of at least this time [s] get a note, because the program may be in milliseconds.
 LONG_DWELL = 60.0
+# Largest number of turns of one arc.
+MAX_TURNS = 10_000
 REFERENCE_NOTE = (
     "Moves to a reference position are replaced by a stop, because the file does not define the "
     "position: {}. From the stop the tool moves straight to the next point that the file defines. "
@@ -70,10 +74,19 @@ FEED_FROM_REFERENCE = (
 class Machine:
     """Executes lines: changes the modal state, and drafts the moves and events."""
 
-    def __init__(self, options: ReadOptions, *, changes_tools: bool) -> None:
+    def __init__(
+        self,
+        options: ReadOptions,
+        *,
+        changes_tools: bool,
+        named_arc_turns: Callable[[], str | None],
+    ) -> None:
         self.draft = ProgramDraft()
         self.notes = Notes()
         self.outputs = Outputs(self.draft, t_changes_tool=not changes_tools)
+        self.declared = codes.read_declared(options.words or {})
+        self.arc_turns = options.arc_turns
+        self.named_arc_turns = named_arc_turns
         self.chord_tolerance = options.chord_tolerance
         self.unit = options.unit or MILLIMETRE  # Length of the program's unit [m]
         self.unit_specified = options.unit is not None
@@ -140,6 +153,7 @@ class Machine:
             self._set_feed(words.pop("F"), self._unit_of_feed(block))
         dwell = self._dwell(block) if codes.DWELL in g else None
         self.outputs.apply(block)
+        self._switch_declared(block)
         if dwell is not None:
             self.draft.add_dwell(dwell)
         self._set_modes(block)
@@ -151,9 +165,24 @@ class Machine:
             self._move_in_machine(block)
         else:
             self._move(block)
+        if block.declared:
+            block.drop(codes.DECLARED_WORDS)
         for letter in words:
             raise Fault(f"no code on this line uses the word {letter}. Remove the word")
         return self._stop(block)
+
+    def _switch_declared(self, block: Block) -> None:
+        """Set the states of the codes that the options declare."""
+        for name in block.declared:
+            if name[0] == "G" and not block.words.keys().isdisjoint(codes.COORDINATES):
+                raise Fault(
+                    f"{name} switches outputs (path.words), so its line must not have coordinates. "
+                    "Write the motion on a line of its own"
+                )
+            for output, value in self.declared[name].items():
+                self.outputs.set(output, value)
+            if not self.declared[name]:
+                self.notes.skip(name)
 
     def _drop_words_without_motion(self, block: Block) -> None:
         """Leave out E and other axes at zero, with notes."""
@@ -411,7 +440,9 @@ class Machine:
         feed = self._feed()
         start = complex(last[a], last[b])
         end = complex(target[a], target[b])
+        circles = self._circles(block.words.pop("P")) if "P" in block.words else 0
         arc = self._read_arc(block, start, end, bool({a, b} & coordinates.keys()))
+        arc = replace(arc, circles=circles)
         rise = target[c] - last[c]
         if abs(rise) <= SAME_HEIGHT:
             for piece in arc_parts(arc):
@@ -429,6 +460,29 @@ class Machine:
         middles[:, a] = np.real(knots.middle)
         middles[:, b] = np.imag(knots.middle)
         self.draft.add_helix(rows, middles, feed)
+
+    def _circles(self, value: float) -> int:
+        """Return the number of full circles before an arc, by the word P."""
+        turns = whole_number(value, "the number of turns P of an arc")
+        meaning = self.arc_turns or self.named_arc_turns()
+        if meaning is None:
+            raise Fault(
+                f"P{turns} of an arc has two meanings: in LinuxCNC and FluidNC "
+                f"{count_noun(turns, 'turn')} in all, in Marlin {count_noun(turns, 'full circle')} "
+                "before the arc. No comment names one of them. State which one you mean with "
+                "path.arc_turns: total or extra (on the command line --arc-turns)"
+            )
+        fewest = 1 if meaning == "total" else 0
+        if not fewest <= turns <= MAX_TURNS:
+            raise Fault(f"P of an arc must be from {fewest} to {MAX_TURNS}, but is {turns}")
+        if self.arc_turns is None:
+            controllers = "LinuxCNC and FluidNC" if meaning == "total" else "Marlin"
+            self.notes.add_once(
+                "The word P of arcs, first in line {}, counts "
+                + ("all turns" if meaning == "total" else "the full circles before the arc")
+                + f", as in {controllers}, because a comment names this controller."
+            )
+        return turns - fewest
 
     def _read_arc(self, block: Block, start: complex, end: complex, has_end: bool) -> ProgrammedArc:
         """Return the arc of a line; `has_end`: whether the line has a coordinate in the plane."""
@@ -504,7 +558,7 @@ class Outputs:
                 self.set(f"output {_number(block, 'P', code)}", DIGITAL[code])
             elif code in ANALOG:
                 self.set(f"analog output {_number(block, 'E', code)}", words.pop("Q", 0.0))
-        if TOOL_CHANGE in m:
+        if codes.TOOL_CHANGE_CODE in m:
             self._change_tool()
         for code in m:
             for name in spindles if code in SPINDLE else ():

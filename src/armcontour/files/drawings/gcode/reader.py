@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import io
 import re
+from functools import partial
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
-from armcontour.files.drawings.gcode.words import MAX_LINE_LENGTH, Fault, changes_tools, parse
+from armcontour.files.drawings.gcode.words import (
+    MAX_LINE_LENGTH,
+    Fault,
+    changes_tools,
+    named_arc_turns,
+    parse,
+)
 from armcontour.files.drawings.read_options import (
     ReadOptions,
     ReportFraction,
@@ -39,7 +46,11 @@ def read_gcode(
     spindle, coolant, tool and outputs are events. docs/guides/gcode.md lists all words.
     """
     lines = _lines(data, source)
-    machine = Machine(options, changes_tools=changes_tools(lines))
+    machine = Machine(
+        options,
+        changes_tools=changes_tools(lines),
+        named_arc_turns=partial(named_arc_turns, lines),
+    )
     report_fraction = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(report_fraction)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
@@ -130,6 +141,6 @@ class _Runner:
         elif text.startswith("/"):
             machine.notes.skip("lines with a slash (block delete)", "Skipped: {}.")
         elif text:
-            block = parse(line, machine.notes)
-            self.has_words |= bool(block.g or block.m or block.words)
+            block = parse(line, machine.notes, machine.declared)
+            self.has_words |= bool(block.g or block.m or block.words or block.declared)
             self.ended = machine.execute(block)

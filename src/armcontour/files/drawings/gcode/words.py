@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 
-from armcontour.core.text import list_some
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import list_some, show
 from armcontour.geometry.origins import line_origin
+from armcontour.program.moves import Value
 
 # Length units of a program [m]:
 MILLIMETRE = 1e-3
@@ -111,6 +113,7 @@ M_GROUP: dict[int, str] = {
     **dict.fromkeys((7, 8, 9), "coolant"),
 }
 UNDERSTOOD_M = frozenset((*range(10), 30, 62, 63, 64, 65, 67, 68))
+TOOL_CHANGE_CODE = 6
 # M codes that call subprograms or return from them, or restore modes.
 CALLS = frozenset((72, 97, 98, 99))
 # Commands of Klipper that cause no motion, by their first words.
@@ -134,6 +137,21 @@ KLIPPER_NOTE = (
 # Matches a line that begins with an M code. The text after an unknown M code belongs to this code,
 # as in M117 Hello, M862.3 P "MK3S" and M84 X Y.
 LEADING_M = re.compile(r"(?:N[0-9]+)?M([0-9]+(?:\.[0-9]*)?)")
+
+
+# Controllers that comments name, by their meaning of the word P of an arc. LinuxCNC (manual,
+# "G2, G3 Arc Move") and FluidNC count all turns, Marlin ("G2-G3") the full circles before the arc.
+CONTROLLERS_OF_TURNS = {
+    "total": re.compile(r"linuxcnc|fluidnc", re.IGNORECASE),
+    "extra": re.compile(r"marlin", re.IGNORECASE),
+}
+
+
+# M codes that cannot be declared to switch outputs: stops, the tool change, the end of the program.
+NOT_DECLARED = frozenset((0, 1, 2, TOOL_CHANGE_CODE, 30)) | CALLS
+DECLARED = re.compile(r"([GM])([0-9]+(?:\.[0-9]+)?)")
+# Words of declared codes, which are ignored if their line does not move the tool.
+DECLARED_WORDS = "DEHLPQR"
 
 
 class Fault(Exception):
@@ -179,18 +197,34 @@ class Notes:
         return skipped + once
 
 
+def named_arc_turns(lines: Iterable[str]) -> str | None:
+    """Return the meaning of P of arcs for the controller that comments name; None if unknown.
+
+    - `lines`: all lines of the program.
+    """
+    comments = [x for line in lines if "(" in line or ";" in line for x in COMMENTS.findall(line)]
+    named = [
+        meaning
+        for meaning, controllers in CONTROLLERS_OF_TURNS.items()
+        if any(controllers.search(x) for x in comments)
+    ]
+    return named[0] if len(named) == 1 else None
+
+
 class Block:
     """The words of a line: G codes in tenths, M codes, and the other words by letter.
 
-    `motion` is the G code of the modal group for motion, or None.
+    `motion` is the G code of the modal group for motion, or None; `declared` has the names of codes
+    that the options declare.
     """
 
-    __slots__ = ("g", "m", "motion", "settings", "words")
+    __slots__ = ("declared", "g", "m", "motion", "settings", "words")
 
     def __init__(self) -> None:
         self.g: list[int] = []
         self.motion: int | None = None
         self.m: list[int] = []
+        self.declared: list[str] = []
         self.words: dict[str, float] = {}
         # The codes in WITHOUT_COORDINATES.
         self.settings: list[int] = []
@@ -201,8 +235,33 @@ class Block:
             self.words.pop(letter, None)
 
 
-def parse(line: str, notes: Notes) -> Block:
-    """Parse a line into its words. The block is empty for a comment or a program number."""
+def read_declared(words: Mapping[str, Mapping[str, Value]]) -> dict[str, Mapping[str, Value]]:
+    """Return the states that declared codes set, by the name of the code: M101, G83.
+
+    Raises:
+        InvalidInput: A code is not an M or G code, or has a meaning that must not change: motions
+            and modes of G, stops and calls of subprograms.
+    """
+    found = {}
+    for word, states in words.items():
+        match = DECLARED.fullmatch(word.upper())
+        code = -1.0 if match is None else float(match[2])
+        is_known = match is not None and match[1] == "G" and round(code * 10) in G_GROUP
+        if match is None or is_known or (match[1] == "M" and code in NOT_DECLARED):
+            raise InvalidInput(
+                "words must be M or G codes that switch outputs, such as M101 or G83, not "
+                f"{show(word)}. Motions, modes, stops and subprograms keep their meaning.",
+                key=("words", word),
+            )
+        found[f"{match[1]}{code:g}"] = states
+    return found
+
+
+def parse(line: str, notes: Notes, declared: Collection[str] = ()) -> Block:
+    """Parse a line into its words. The block is empty for a comment or a program number.
+
+    - `declared`: names of codes that the options declare, which get no other meaning.
+    """
     text = line.translate(TO_COMPACT)
     block = Block()
     if "_" in text and (match := KLIPPER.match(line)) is not None:
@@ -212,7 +271,8 @@ def parse(line: str, notes: Notes) -> Block:
         if match[2] is None:
             raise unsupported(ascii(match[1][:SHOWN_CHARACTERS]))
         return block
-    if (match := LEADING_M.match(text)) and _is_left_out(float(match[1])):
+    match = LEADING_M.match(text)
+    if match and f"M{float(match[1]):g}" not in declared and _is_left_out(float(match[1])):
         notes.skip(f"M{float(match[1]):g}")
         return block
     position = 0
@@ -221,7 +281,11 @@ def parse(line: str, notes: Notes) -> Block:
         if match is None:
             raise Fault(_explain_syntax_error(text, position))
         if match[1] is not None:
-            _add_word(block, match[1], match[2], position, notes)
+            name = f"{match[1]}{float(match[2]):g}" if match[1] in "GM" else ""
+            if declared and name in declared:
+                block.declared.append(name)
+            else:
+                _add_word(block, match[1], match[2], position, notes)
         position = match.end()
     if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
         raise Fault(
@@ -309,7 +373,8 @@ def _add_g(block: Block, value: float, text: str, notes: Notes) -> None:
         block.settings.append(code)
         return
     if abs(value * 10 - code) > WHOLE_TOLERANCE or code not in G_GROUP:
-        raise unsupported(text, INSTEAD.get(code, PLAIN_MOVES))
+        remedy = INSTEAD.get(code, PLAIN_MOVES)
+        raise unsupported(text, f"{remedy}. If it only switches outputs, declare it in path.words")
     if G_GROUP[code] == MOTION:
         # G80 together with G0 or G1 is valid: programs begin with lines such as
         # G0 G17 G40 G49 G80 G90.
