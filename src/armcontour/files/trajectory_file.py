@@ -286,6 +286,7 @@ def parse_trajectory(
         columns=columns,
         option="--columns",
         untitled=joint_state_titles,
+        names=joint_names,
     )
     table, naming = name_joints(table, joint_names)
     motion = _read_motion(table, joint_names)
