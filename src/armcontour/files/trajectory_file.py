@@ -494,7 +494,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         )
     except InvalidInput:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise InvalidInput(
             f"{file} is not the summary of a run or a certificate ({type(error).__name__})."
         ) from None
