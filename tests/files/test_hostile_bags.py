@@ -68,6 +68,17 @@ def test_other_fields_than_those_of_joint_states_are_refused(tmp_path):
     assert TOPIC in refusal(write_db3(tmp_path / "short.db3", short))
 
 
+def test_lost_messages_are_noticed(tmp_path):
+    file = write_folder(tmp_path / "run", rows(NAMES)) / "run.mcap"
+    content = file.read_bytes()
+    # A record of a message: its kind, its length, its channel.
+    size = len(rows(NAMES)[0][3]) + 22
+    begin = b"\5" + size.to_bytes(8, "little")
+    assert content.count(begin) == COUNT
+    file.write_bytes(content.replace(begin, b"\x7f" + begin[1:], 1))
+    assert f"{COUNT - 1} messages" in refusal(file)
+
+
 def test_joints_and_sets_of_joints_have_limits(tmp_path):
     many = [f"joint{k}" for k in range(1001)]
     text = refusal(write_db3(tmp_path / "many.db3", rows(many, np.zeros((2, 1001)))))

@@ -269,6 +269,7 @@ class _Reading:
         if not chosen:
             return
         layouts: dict[str, Layout] = {}
+        before = self.messages
         for connection, received, data in reader.messages(connections=chosen):
             kind = connection.msgtype
             if self.question.compression == BY_MESSAGE:
@@ -284,6 +285,13 @@ class _Reading:
                 layouts[kind] = self._find_layout(connection.topic, kind, data)
             content = _decode(data, layouts[kind])
             self._add(connection.topic, kind, content, received)
+        count = self.messages - before
+        declared = sum(x.msgcount for x in chosen)
+        if count != declared:
+            raise Unreadable(
+                f"{self.source} is damaged, because it has {count_noun(count, 'message')} with "
+                f"joints, but counts {declared}. Record the joints again."
+            )
 
     def _find_layout(self, topic: str, kind: str, data: bytes) -> Layout:
         """Return the layout of messages of a type, of which `data` is the first."""
