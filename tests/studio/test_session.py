@@ -61,6 +61,7 @@ EDITS = (
     [{"do": "text", "text": "a: 1"}],
     [{"do": "set", "key": {}, "value": 1}],
     [{"do": "set", "key": "name", "value": {}}],
+    *([{"do": "set", "key": x, "value": 1}] for x in (["a"] * 5000, "a." * 5000 + "a", "9" * 5000)),
     [{**MOVED, "index": 99, "to": [0, 0]}],
     [{**MOVED, "index": True, "to": "x"}],
     [{**MOVED, "to": [1e400, 0]}],

@@ -272,6 +272,7 @@ def read_table(
     columns: str | None,
     option: str,
     untitled: Callable[[Sequence[str]], list[str] | None] = lambda cells: None,
+    names: Sequence[str] = (),
 ) -> CsvTable[Key]:
     """Read a table from CSV text with commas, semicolons, tabs or blanks between cells.
 
@@ -290,6 +291,7 @@ def read_table(
         option: Option that specifies `columns`, for messages.
         untitled: Returns the titles of a known format whose files have no titles, from the cells of
             a row; None for other rows.
+        names: Names of joints. Brackets at the end of a name are not a unit.
 
     Raises:
         InvalidInput: The table has no line, the number of names differs from the number of columns,
@@ -317,7 +319,7 @@ def read_table(
     if seconds is not None:
         heading = heading.with_joined_time(seconds)
         texts = [_join_seconds(x, separator, seconds) for x in texts]
-    recognised, unknown = _read_titles(heading, title_of, example, option)
+    recognised, unknown = _read_titles(heading, title_of, example, option, names)
     return CsvTable(
         source=source,
         heading=heading.location,
@@ -331,6 +333,50 @@ def read_table(
         lines=texts,
         numbers=[number for number, _ in rows],
         comments=[x.strip() for x in lines if x.lstrip()[:1] == "#"],
+    )
+
+
+def make_table(
+    titles: Sequence[str],
+    rows: list[str],
+    source: str,
+    title_of: Callable[[str], Title[Key] | None],
+    *,
+    example: str,
+    columns: str | None,
+    option: str,
+    names: Sequence[str],
+) -> CsvTable[Key]:
+    """Make a table from titles, and from rows whose cells are numbers separated by commas.
+
+    Args:
+        titles: The titles.
+        rows: The rows.
+        source: As in `read_table`.
+        title_of: As in `read_table`.
+        example: As in `read_table`.
+        columns: As in `read_table`.
+        option: As in `read_table`.
+        names: As in `read_table`.
+
+    Raises:
+        InvalidInput: As in `read_table`.
+    """
+    heading = _read_heading(list(titles), None, columns, source, 1, option)
+    recognised, unknown = _read_titles(heading, title_of, example, option, names)
+    return CsvTable(
+        source=source,
+        heading=heading.location,
+        example=example,
+        option=option,
+        columns=recognised,
+        unknown=unknown,
+        titles=tuple(heading.in_file),
+        separator=",",
+        width=len(titles),
+        lines=rows,
+        numbers=list(range(1, len(rows) + 1)),
+        comments=[],
     )
 
 
@@ -484,9 +530,16 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 
 
 def _read_titles(
-    heading: _Heading, title_of: Callable[[str], Title[Key] | None], example: str, option: str
+    heading: _Heading,
+    title_of: Callable[[str], Title[Key] | None],
+    example: str,
+    option: str,
+    names: Sequence[str],
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
-    """Recognize columns; returns them by quantity in their order, and titles of the others."""
+    """Recognize columns; returns them by quantity in their order, and titles of the others.
+
+    `names`: as in `read_table`.
+    """
     titles = heading.titles
     location = heading.location
     if len(titles) > 1 and all(map(NUMBER.fullmatch, titles[:2])):
@@ -496,8 +549,9 @@ def _read_titles(
         )
     recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
+    ends = tuple(x for x in names if _BRACKETS.fullmatch(x))
     for index, title in enumerate(titles):
-        match = _BRACKETS.fullmatch(title)
+        match = None if title.endswith(ends) else _BRACKETS.fullmatch(title)
         name, unit = (match["name"], match["unit"]) if match else (title, None)
         content = title_of(name)
         if content is None:

@@ -29,6 +29,9 @@ IN_RUN = {x.name for x in fields(RunModel)}
 # For these keys, the mapping of a run is merged with the mapping of the job. For other keys, the
 # value of a run replaces the value of the job.
 MERGED = ("limits", "command_limits")
+# Largest number of parts of a key path, and of characters of an index.
+LONGEST_KEY = 50
+LONGEST_INDEX = 10
 # Position of the part, of which a patch can set x and y only.
 PART_POSITION: Keys = ("path", "frame", "position")
 SERVO: Keys = ("servo",)
@@ -77,10 +80,15 @@ def key_of(key: Any) -> Keys:
     """Convert a text such as `limits.speed`, or a list, to a key path; digits are an index."""
     parts = key
     if isinstance(key, str):
-        parts = [int(x) if x.isdecimal() else x for x in key.split(".")]
+        parts = [int(x) if x.isdecimal() and len(x) <= LONGEST_INDEX else x for x in key.split(".")]
     listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
     if not listed or not parts or "" in parts:
         raise InvalidInput(f"{show(key)} is not a key. Write a key such as limits.speed.")
+    if len(parts) > LONGEST_KEY:
+        raise InvalidInput(
+            f"The key {show(key)} has {len(parts)} parts, but a key has at most {LONGEST_KEY}. "
+            "Write a key such as limits.speed."
+        )
     return tuple(parts)
 
 

@@ -186,6 +186,7 @@ def _read_log(
             columns=columns,
             option="--columns",
             untitled=joint_state_titles,
+            names=joint_names,
         )
         table, naming = name_joints(table, joint_names)
     joints = {role: joints_of(table, "q", role) for role in ROLES}

@@ -36,7 +36,7 @@ def read_stopped_place(folder: str | FilePath) -> StoppedPlace:
         if stop is not None:
             place = (stop["at"], stop["place"], stop["job"], stop["run"])
             only = tuple(map(str, stop["only"]))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise InvalidInput(
             f"{file} is not the summary of a motion that armcontour play has recorded "
             f"({type(error).__name__})."

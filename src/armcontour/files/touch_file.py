@@ -18,6 +18,8 @@ from armcontour.files.joint_table import SI, read_csv_text, read_joint_title
 from armcontour.robot import Arm
 
 POINT = ("x", "y", "z")
+# Largest number of touches, which are fitted in seconds.
+MOST_TOUCHES = 2000
 # Kinds of typed values, by the unit of those without a unit.
 KINDS = {"mm": Quantity("m", "5 mm"), "deg": Quantity("rad", "90 deg")}
 OPTION = "--columns"
@@ -48,7 +50,7 @@ def read_touches(file: str | FilePath, arm: Arm, columns: str | None = None) -> 
 
     Raises:
         InvalidInput: The file does not exist or is not a table, a column is missing or has no unit,
-            or a value is not a number.
+            a value is not a number, or there are more than 2000 touches.
     """
     location = FilePath(file)
     table = read_table(
@@ -66,6 +68,11 @@ def read_touches(file: str | FilePath, arm: Arm, columns: str | None = None) -> 
         table.require_columns(*POINT[:2])
     coordinates = [name for name in POINT if name in table.columns]
     _require_units(table, [*coordinates, *joints])
+    if len(table.lines) > MOST_TOUCHES:
+        raise InvalidInput(
+            f"{table.source} has {len(table.lines)} touches, but at most {MOST_TOUCHES} are read. "
+            "Remove rows."
+        )
     values, _ = table.read([*coordinates, *joints])
     empty = np.argwhere(np.isnan(values))
     if len(empty):

@@ -286,6 +286,7 @@ def parse_trajectory(
         columns=columns,
         option="--columns",
         untitled=joint_state_titles,
+        names=joint_names,
     )
     table, naming = name_joints(table, joint_names)
     motion = _read_motion(table, joint_names)
@@ -494,7 +495,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         )
     except InvalidInput:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise InvalidInput(
             f"{file} is not the summary of a run or a certificate ({type(error).__name__})."
         ) from None

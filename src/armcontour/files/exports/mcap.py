@@ -18,15 +18,15 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.core.frames import quaternions
 from armcontour.core.sampled_data import interpolate
-from armcontour.files.exports.export_table import SetPointTable, event_data, regular_times
-from armcontour.files.ros_bag import (
+from armcontour.files.bag_messages import (
     CONTROLLER_STATE,
     JOINT_STATE,
-    MISSING_LIBRARY,
+    LAYOUTS,
     NANOSECONDS,
     NEW_POINTS,
-    register_controller_state,
 )
+from armcontour.files.exports.export_table import SetPointTable, event_data, regular_times
+from armcontour.files.ros_bag import MISSING_LIBRARY
 from armcontour.motion import Execution, Trajectory
 from armcontour.robot import Arm
 from armcontour.robot.chain import floor_poses
@@ -93,11 +93,11 @@ def write_mcap(
     _check_dof(table, "The execution", None if execution is None else execution.q.shape[1])
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise InvalidInput(MISSING_LIBRARY.format(task="Writing MCAP files")) from None
     store = get_typestore(Stores.ROS2_JAZZY)
-    register_controller_state(store)
+    store.register(get_types_from_msg(LAYOUTS[0].definition, CONTROLLER_STATE))
     streams = _streams(_Maker(store), table, arm, plan, execution)
     # rosbags writes a folder with the file and its metadata, which the file contains too.
     with tempfile.TemporaryDirectory(dir=file.parent) as folder:

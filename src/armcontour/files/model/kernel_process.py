@@ -3,32 +3,35 @@
 from __future__ import annotations
 
 import importlib.util
-import os
-import pickle
-import subprocess
-import sys
-import tempfile
+import re
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path as FilePath
 from threading import Lock
 from typing import cast
 
 from armcontour.core.errors import FileError, InvalidInput
-from armcontour.core.pool import ENVIRONMENT, can_start
+from armcontour.core.file_access import MEGABYTE
 from armcontour.files.model.tables import Request, Tables
+from armcontour.files.reader_process import GIGABYTE, ReaderFailed, ReaderLimits, read_in_process
 
 # Longest time for one file [s].
-TIME_LIMIT = 300.0
-# Largest memory of the process, including the libraries that it loads [bytes].
-MEMORY_LIMIT = 8 * 1024**3
+TIME_LIMIT = 600.0
+# Processor time for a small file [s], more per megabyte [s], and the largest one [s].
+PROCESSOR_TIME = 15
+TIME_PER_MEGABYTE = 8
+LARGEST_PROCESSOR_TIME = 300
+# Memory for a small file, including the libraries of the kernel [bytes], more per byte of the file,
+# and the largest one [bytes].
+MEMORY_LIMIT = 2 * GIGABYTE
+MEMORY_PER_BYTE = 128
+LARGEST_MEMORY = 8 * GIGABYTE
 # First and last words of a file.
 BEGIN = b"ISO-10303-21"
 END = b"END-ISO-10303-21"
 # Number of bytes at both ends of a file in which these words are searched.
 ENDS = 2000
-# Entity of a file that names other files.
-EXTERNAL = b"DOCUMENT_FILE"
+# Entity that names another file, and its short name.
+EXTERNAL = re.compile(rb"DOCUMENT_FILE|DCMFL", re.IGNORECASE)
 # Number of answers that are kept, because the path, the scene and the Studio ask for the same.
 KEPT = 8
 
@@ -64,11 +67,6 @@ def ask_kernel(content: bytes, source: str, request: Request) -> Tables:
     answer = _known_or_asked(content, request)
     if isinstance(answer, Tables):
         return answer
-    if EXTERNAL in content:
-        raise FileError(
-            f"{source} refers to parts in other files, which are not read. Export the assembly as "
-            "one file."
-        )
     raise FileError(f"{source} {answer}. Export it again as STEP, with solids.")
 
 
@@ -79,15 +77,10 @@ def check_kernel() -> None:
             "Reading STEP files requires the CAD kernel OCP, which is not installed. Install it "
             "with: pip install 'armcontour[cad]'."
         )
-    if not can_start():
-        raise InvalidInput(
-            "STEP files are read by a process of Python, which cannot be started here. Run "
-            "armcontour with Python."
-        )
 
 
 def _check_text(content: bytes, source: str) -> None:
-    """Check that a file begins and ends as a STEP file does."""
+    """Check that a file begins and ends as a STEP file does, and names no other files."""
     if not content.strip():
         raise FileError(f"{source} is empty. Export it again as STEP.")
     if BEGIN not in content[:ENDS]:
@@ -98,6 +91,12 @@ def _check_text(content: bytes, source: str) -> None:
         raise FileError(
             f"{source} is incomplete, because it does not end with END-ISO-10303-21. Export or "
             "copy it again."
+        )
+    # The kernel would read parts from these files.
+    if EXTERNAL.search(content):
+        raise FileError(
+            f"{source} refers to other files (DOCUMENT_FILE), which are not read. Export the "
+            "assembly as one file, without documents."
         )
 
 
@@ -114,25 +113,16 @@ def _known_or_asked(content: bytes, request: Request) -> Tables | str:
 
 def _ask(content: bytes, request: Request) -> Tables | str:
     """Return the answer of the kernel process."""
-    with tempfile.TemporaryDirectory(prefix="armcontour-") as name:
-        folder = FilePath(name)
-        (folder / "model.step").write_bytes(content)
-        (folder / "request").write_bytes(pickle.dumps(request))
-        files = [str(folder / x) for x in ("model.step", "request", "answer")]
-        module = "armcontour.files.model.step_kernel"
-        command = [sys.executable, "-m", module, *files, str(MEMORY_LIMIT)]
-        try:
-            done = subprocess.run(
-                command,
-                env={**os.environ, **ENVIRONMENT},
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                timeout=TIME_LIMIT,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            return f"takes more than {TIME_LIMIT:.0f} s to read"
-        answer = folder / "answer"
-        if done.returncode != 0 or not answer.exists():
-            return "cannot be read, because the CAD kernel failed"
-        return cast("Tables | str", pickle.loads(answer.read_bytes()))
+    size = len(content)
+    time = PROCESSOR_TIME + TIME_PER_MEGABYTE * size // MEGABYTE
+    limits = ReaderLimits(
+        library="the CAD kernel",
+        processor_time=min(time, LARGEST_PROCESSOR_TIME),
+        duration=TIME_LIMIT,
+        memory=min(MEMORY_LIMIT + MEMORY_PER_BYTE * size, LARGEST_MEMORY),
+    )
+    module = "armcontour.files.model.step_kernel"
+    try:
+        return cast("Tables | str", read_in_process(module, (content, request), limits))
+    except ReaderFailed as error:
+        return str(error)

@@ -6,12 +6,8 @@ or a text that completes a sentence about the file.
 
 from __future__ import annotations
 
-import os
-import pickle
 import re
-import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -68,15 +64,20 @@ STL_RECORD = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attrib
 STL_HEADER = 84
 
 
-def main(file: FilePath, request_file: FilePath, answer_file: FilePath) -> None:
-    """Read a file, and write the answer to a request."""
-    request: Request = pickle.loads(request_file.read_bytes())
-    answer: Tables | str
+def answer(question: tuple[bytes, Request], folder: FilePath) -> Tables | str:
+    """Return the tables of a file, or the end of a sentence about it.
+
+    Args:
+        question: Content of the file, and what is requested.
+        folder: Empty folder.
+    """
+    content, request = question
+    file = folder / "model.step"
+    file.write_bytes(content)
     try:
-        answer = make_tables(file, request, answer_file.with_suffix(".stl"))
+        return make_tables(file, request, folder / "triangles.stl")
     except Unreadable as error:
-        answer = str(error)
-    answer_file.write_bytes(pickle.dumps(answer))
+        return str(error)
 
 
 def make_tables(file: FilePath, request: Request, scratch: FilePath) -> Tables:
@@ -289,18 +290,3 @@ def _unit_of(file: FilePath) -> float:
         prefixes = re.findall(r"SI_UNIT\s*\(\s*(\$|\.[A-Z]+\.)\s*,\s*\.METRE\.", text)
         found = {UNITS.get(x.strip("."), 1.0) for x in prefixes}
     return found.pop() if len(found) == 1 else float("nan")
-
-
-def limit_memory(size: int) -> None:
-    """Let this process use at most `size` bytes of memory, if the system can limit it."""
-    with suppress(ImportError, ValueError, OSError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (size, size))
-
-
-if __name__ == "__main__":
-    limit_memory(int(sys.argv[4]))
-    main(*(FilePath(x) for x in sys.argv[1:4]))
-    # The process ends here, because the kernel needs long to free its memory.
-    os._exit(0)
