@@ -197,6 +197,7 @@ class _Intervals:
 
     factor: FloatArray  # True time per recorded time
     deviation: FloatArray  # Standard deviation of `factor`
+    bias: FloatArray  # Largest error of `factor` because accelerations change within an interval
     steps: FloatArray  # Recorded times between samples [s]
     steady: BoolArray  # Mask of the intervals about which the speed is known
     alone: BoolArray  # Mask of the intervals whose steps differ from those of both neighbours
@@ -219,10 +220,14 @@ class _Intervals:
         rates = np.diff(q, axis=0) / steps[:, None]
         steady = np.full(len(steps), True)
         alone = steady
+        largest_bias = np.zeros_like(rates)
         if velocity is None:
             speed = median_filter(rates, (NEIGHBOURS, 1), mode="nearest")
         else:
             speed = (velocity[1:] + velocity[:-1]) / 2
+            bends = np.abs(np.diff(np.pad(velocity, ((1, 1), (0, 0)), mode="edge"), 2, axis=0))
+            # Where an acceleration jumps in the middle of an interval
+            largest_bias = (bends[1:] + bends[:-1]) / 8
         noise = np.sqrt(2) * white_noise(q) / log.interval
         scatter = DEVIATION_PER_MEDIAN * np.median(np.abs(rates - speed), axis=0)
         scale = np.maximum(np.maximum(noise, scatter), TINY_SPEED)
@@ -237,6 +242,7 @@ class _Intervals:
         return cls(
             factor=np.sum(rates * speed / scale**2, axis=1) / power,
             deviation=1 / np.sqrt(power),
+            bias=np.sum(largest_bias * np.abs(speed) / scale**2, axis=1) / power,
             steps=steps,
             steady=steady,
             alone=alone,
@@ -267,7 +273,8 @@ class _Intervals:
         )
         # The time does not run back, so a joint that does moves otherwise.
         forward = self.times > -WRONG_SHARE * self.interval
-        wrong = self.steady & self.alone & forward & (np.abs(excess) > least)
+        wrong = np.abs(excess) > least + self.bias * self.steps
+        wrong &= self.steady & self.alone & forward
         # After a gap, the motion may be another one, unless it continues as if there were none.
         after_gap = self.steps > GAP * self.interval
         continues = np.abs(self.times - self.interval) < SHIFT_SLACK * self.interval
