@@ -454,7 +454,9 @@ def _learn_next(
     if not (end or useful):
         end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
         if not is_safe:
-            reason = "the model of the servo is not exact enough. Identify the servo"
+            unproven = best.rms > PROVEN_SHARE * runs[0].rms
+            remedy = ", so identify the servo" if unproven else ""
+            reason = f"the model of the servo is not exact enough{remedy}"
         end += f", because {reason}" if reason else ""
     return LearningResult(
         cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
