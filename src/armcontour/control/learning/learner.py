@@ -65,6 +65,8 @@ IDENTIFIED_MISFIT = 0.5
 # It must also be below this fraction of the largest deviation from the simulation of the job's
 # servo.
 BETTER_SHARE = 0.5
+# A servo is identified from at most this part of a long log [s], which takes a second or two.
+IDENTIFIED_TIME = 15.0
 # If a joint hardly moves, its deviation from the set-points counts as at least this fraction of the
 # largest one, because coupled joints move it.
 LEAST_LAG = 0.3
@@ -333,17 +335,37 @@ def _identify_servo(
         aligned = log_alignment.align(recording, lifted, set_points)
         t = aligned.offset + aligned.rate * t
         command = interpolate(t, set_points.t, set_points.q)
+    part = _find_moving_part(t, command)
     try:
         log = Log(
-            t=t,
-            command=command,
-            measured=recording.q,
+            t=t[part],
+            command=command[part],
+            measured=recording.q[part],
             interpolation=kind,
             source=recording.source,
         )
         return identify(log).servo_model()
     except InvalidInput:
         return None
+
+
+def _find_moving_part(t: FloatArray, command: FloatArray) -> slice:
+    """Return the part of a log, of at most IDENTIFIED_TIME, in which all joints move most.
+
+    - `t`, `command`: times [s], (n,), and set-points [rad], (n, dof).
+    """
+    parts = int(np.ceil((t[-1] - t[0]) / IDENTIFIED_TIME))
+    ends = np.searchsorted(t, np.linspace(t[0], t[-1], parts + 1)[1:], "right")
+    begins = np.append(0, ends[:-1])
+    whole = np.maximum(np.ptp(command, axis=0), 1e-300)
+    best = slice(0, len(t))
+    largest = -1.0
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        moved = float((np.ptp(command[begin:end], axis=0) / whole).min())
+        if moved > largest:
+            largest = moved
+            best = slice(begin, end)
+    return best
 
 
 def _make_lifted_model(
