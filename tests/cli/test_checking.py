@@ -121,6 +121,32 @@ COARSE = "t [s],q1 [deg],q2 [deg]\n" + "".join(f"{i},{10 + i % 2 * 50},10\n" for
 JUMPS = "t,q1,q2\n0.00,0,0\n0.01,1,0\n0.02,0,0\n0.03,1,0\n0.04,0,0\n"
 
 
+def test_repeated_runs_are_compared(folder, check, refused):
+    """Three logs of one motion, and one whose second joint is off."""
+    lines = (folder / "planned.csv").read_text().splitlines()
+    titles = lines[0]
+    table = np.loadtxt(lines[1:], delimiter=",", ndmin=2)
+    names = []
+    for k, offset in enumerate((1.0e-3, 1.02e-3, 0.98e-3, 3e-3)):
+        log = table[:, :3].copy()
+        log[:, 2] += offset
+        names.append(f"run{k + 1}.csv")
+        write(folder / names[-1], ",".join(titles.split(",")[:3]), log[:, 0], log[:, 1:])
+    repeats = [x for name in names[1:] for x in ("--repeat", name)]
+    options = (names[0], "--path", "job.yaml", *repeats)
+    page = json.loads(check(folder, *options, "--json").out)
+    assert page["repeated"]["different_runs"] == [4]
+    assert page["repeated"]["largest_of_runs"] > 2 * page["path_deviation"]["distance"]
+    assert "Run 4 differs from runs 1 to 3" in check(folder, *options).out
+    slow = np.loadtxt((folder / "run2.csv").read_text().splitlines()[1:], delimiter=",")
+    write(folder / "slow.csv", ",".join(titles.split(",")[:3]), 1.2 * slow[:, 0], slow[:, 1:])
+    rows = [
+        (("run1.csv", "--path", "job.yaml", "--repeat", "slow.csv"), ["one speed"]),
+        (("run1.csv", "--arm", "pmk3s", "--repeat", "run2.csv"), ["--path"]),
+    ]
+    assert refused(folder, rows, codes=(2,), begin=("check",)) == []
+
+
 def test_wrong_files_and_options_are_refused(folder, refused):
     (folder / "bare.csv").write_text("0,1,2,open\n1,2,3,open\n")
     arm = "--arm pmk3s"

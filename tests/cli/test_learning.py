@@ -99,6 +99,20 @@ def test_learn_continues_from_the_set_points_of_an_earlier_result(
     assert refused(tmp_path, rows, codes=(2,), begin=learn) == []
 
 
+def test_several_logs_of_the_same_set_points_are_compared(shop, tmp_path, done):
+    logs = []
+    for k, bump in enumerate((0.0, 0.0, 0.0, 0.5)):
+        table = shop.executed(shop.first, k)
+        table[:, 3:] += bump * np.sin(np.linspace(0.0, np.pi, len(table)))[:, None] ** 2
+        logs += ["--log", written(tmp_path, table, name=f"run{k + 1}.csv")]
+    out = tmp_path / "out"
+    shown = done("learn", shop.file, *logs, "--set-points", shop.first, "--out", out)
+    assert "Run 4 differs from runs 1 to 3" in shown
+    data = summary(out)["learning"]
+    assert data["different_runs"] == [4] and len(data["runs"]) == 4
+    assert data["largest_of_runs"] == pytest.approx(max(x["contour_max"] for x in data["runs"]))
+
+
 def test_options_that_exclude_each_other_are_refused(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -42,6 +44,7 @@ from armcontour.robot.limits import LIMITS
 from armcontour.verification import InterpolationCheck
 from armcontour.verification.clearance import Clearance, check_clearance
 from armcontour.verification.limit_verdict import VERDICTS
+from armcontour.verification.repeated_runs import RepeatedRuns, require_equal_durations
 
 # Standard deviation below which scatter counts as rounding, not as noise [rad]. The steps of a
 # 32-bit encoder are 1.5e-9 rad.
@@ -61,18 +64,20 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
     arm = _arm(options, cell_arm if job is None else job.arm)
     run = None if job is None else _run(job, options)
     if options.set_points:
+        raise_if(bool(options.repeat), "--set-points and --repeat exclude each other.")
         return _check_set_points(options, arm, job, run)
     path = None if job is None or run is None else _path(job, run)
     required = _requirements(options, run, arm)
     samples = _samples(options, arm)
-    result = verification.check(
-        samples,
-        arm,
-        required.limits,
-        path,
+    check_samples = partial(
+        verification.check,
+        arm=arm,
+        limits=required.limits,
+        path=path,
         deviation=required.deviation,
         orientation_deviation=required.orientation_deviation,
     )
+    result = check_samples(samples)
     clearance = None
     if scene is not None:
         # Times are as in the file.
@@ -92,9 +97,29 @@ def check(options: Check, _: None, progress: Progress) -> Outcome:
         verdicts.append(commands.verdict)
     if clearance is not None and not clearance.satisfied:
         verdicts.append("violated")
+    repeated = None
+    if options.repeat:
+        others = [_samples(replace(options, trajectory=x), arm) for x in options.repeat]
+        sources = [x.source for x in (samples, *others)]
+        require_equal_durations(sources, [(x.t, x.q) for x in (samples, *others)])
+        results = [result, *map(check_samples, others)]
+        repeated = _repeated_runs(results)
+        lines += data_lines(repeated.to_data())
+        verdicts += [x.verdict for x in results[1:]]
     lines += filter(None, [data.not_proven])
-    page = _page(samples, result, clearance, commands)
+    page = _page(samples, result, clearance, commands, repeated)
     return Outcome(lines=lines, page=page, code=EXIT_CODES[max(verdicts, key=VERDICTS.index)])
+
+
+def _repeated_runs(results: Sequence[verification.Check]) -> RepeatedRuns:
+    """Return the largest errors of repeated runs."""
+    largest = [x.path_deviation.distance for x in results if x.path_deviation is not None]
+    if not largest:
+        raise InvalidInput(
+            "--repeat compares distances from a path, but no path is specified. Specify the job of "
+            "the path with --path."
+        )
+    return RepeatedRuns(largest=np.array(largest))
 
 
 def _check_set_points(options: Check, arm: Arm, job: Job | None, run: Run | None) -> Outcome:
@@ -174,10 +199,11 @@ def _page(
     result: verification.Check,
     clearance: Clearance | None,
     commands: InterpolationCheck | None,
+    repeated: RepeatedRuns | None,
 ) -> dict[str, Any]:
     """Return the data of the JSON output."""
     data = result.to_data()
-    parts = {"clearance": clearance, "commands": commands}
+    parts = {"clearance": clearance, "commands": commands, "repeated": repeated}
     page = replace(
         data,
         rows=(

@@ -318,6 +318,8 @@ class Check(BagOptions, Json):
         set_points: Check set-points of a controller, as run does: their differences against the
             limits of set-points, of the job or of the arm. The path is not checked, because
             compensated set-points do not follow it.
+        repeat: Log of another run of the same program at the same speed, with --path; may be
+            repeated. The check states the largest error of all runs, and which runs differ.
     """
 
     trajectory: Argument
@@ -330,6 +332,7 @@ class Check(BagOptions, Json):
     controller: Text = None
     rate: Text = None
     set_points: Annotated[bool, typer.Option("--set-points")] = False
+    repeat: list[FilePath] | None = None
 
 
 @command(JUDGE, "certify job.yaml --total-tolerance '1 mm' --out certificate", "study_commands")
@@ -414,7 +417,8 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
             for play.
         set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
-        log: Log of that run, with positions over time: CSV, or a bag of ROS 2.
+        log: Log of that run, with positions over time: CSV, or a bag of ROS 2; may be repeated for
+            several runs of the same set-points.
     """
 
     run_name: Name = None
@@ -422,7 +426,7 @@ class Learn(JobOptions, ControllerOptions, WindowOptions, Results, Json):
     reserve: str = "20 %"
     band: Text = None
     set_points: Annotated[File, typer.Option("--set-points")] = None
-    log: File = None
+    log: list[FilePath] | None = None
 
     def claim(self) -> files.ResultFolder | None:
         """Return the folder of --out; None with --on, because each run is then written at once."""

@@ -51,7 +51,7 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     if options.on is not None:
         return _learn_robot(options, progress)
     refuse_given(options, OF_CONTROLLER, NEEDS_ON)
-    if options.set_points is None or options.log is None:
+    if options.set_points is None or not options.log:
         raise InvalidInput(
             "learn requires the executed set-points and the log. Specify them with --set-points "
             "and --log."
@@ -66,11 +66,12 @@ def learn(options: Learn, folder: ResultFolder | None, progress: ProgressDisplay
     progress(Step(("reading the log",)))
     set_points = read_set_points(options.set_points, job, plan)
     names = job.arm.joint_names
-    log = read_run_log(
-        options.log, names, window=window, columns=options.columns, topic=options.topic
-    )
-    print_lines(*(f"Note: {x}" for x in log.notes), err=True)
-    lesson = learn_logs(job, plan, [log], set_points=set_points, progress=progress)
+    logs = []
+    for file in options.log:
+        log = read_run_log(file, names, window=window, columns=options.columns, topic=options.topic)
+        print_lines(*(f"Note: {x}" for x in log.notes), err=True)
+        logs.append(log)
+    lesson = learn_logs(job, plan, [logs], set_points=set_points, progress=progress)
     learned_run = LearnedRun(job=job, plan=plan, lesson=lesson)
     name = plan.run.name
     _write_learned_run(learned_run, folder)

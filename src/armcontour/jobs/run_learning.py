@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armcontour.control.learning import LearningResult, Recording, learn
+from armcontour.control.learning import LearningResult, learn
+from armcontour.control.learning.learner import Runs
 from armcontour.core.checks import FloatArray
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -17,7 +18,7 @@ from armcontour.core.validity import AT_ENCODERS
 from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.run_job import run
 from armcontour.jobs.run_result import JobResult, RunResult
-from armcontour.motion import Execution, Log, SetPoints
+from armcontour.motion import Execution, SetPoints
 from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_errors import ContourExecution, split_by_contour
 
@@ -58,8 +59,7 @@ class LearnedRun:
         position if the plan has no path.
         """
         run = self.lesson.runs[k]
-        largest = run.tool_max if run.contour_max is None else run.contour_max
-        return run.rms, largest
+        return run.rms, run.largest
 
     def profile(self, k: int) -> ErrorProfile:
         """Return the measured contour error over time in run k, counted from 0.
@@ -80,7 +80,7 @@ class LearnedRun:
     @property
     def notes(self) -> list[str]:
         """Notes about the next step and about the findings from the runs."""
-        notes = [self._verdict, *self.lesson.runs[-1].notes]
+        notes = [self._verdict, *self.lesson.notes]
         if self.plan.set_point_use.excesses:
             notes.append(
                 "The set-points before learning already exceed limits, so the learned "
@@ -137,14 +137,15 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
 def learn_logs(
     job: Job,
     plan: RunResult,
-    logs: Sequence[Execution | Log | Recording],
+    logs: Sequence[Runs],
     *,
     set_points: SetPoints | None = None,
     progress: Progress | None = None,
 ) -> LearningResult:
     """Learn from logs of successive runs, with the arm and servo of the job.
 
-    Each run executes the set-points learned before it. `set_points` are those of the first run, by
+    Each run executes the set-points learned before it; several logs of one run are a list.
+    `set_points` are those of the first run, by
     default those of the plan. The learned set-points satisfy the limits of the run, unless the
     executed ones exceed them.
     """

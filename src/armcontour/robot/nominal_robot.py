@@ -7,19 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, Frozen
+from armcontour.core.checks import FloatArray, Frozen, IntArray
 from armcontour.core.errors import ArmMismatch, InvalidInput
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
 
 # Below this speed [rad/s] Coulomb friction is proportional to the speed, because a joint at rest
 # has velocities of either sign due to rounding. A reversing joint passes this range in less than a
@@ -172,20 +169,21 @@ def nominal_inertia(arm: Arm) -> FloatArray:
 
 
 class Equations(NamedTuple):
-    """Equations `A x = S u + U a` of deviations; vectors are ordered by time, then by joint.
+    """Equations `A x = S u + U a` of deviations at successive times.
 
     x are the joint positions, u the commands, and a the commands that bypass the integrators, such
-    as acceleration feed-forward. The first rows of A express equilibrium at the first command.
+    as acceleration feed-forward. The equation at a time contains this time and the `width - 1`
+    times before it. That of the first time expresses equilibrium at the first command.
 
     Args:
-        left: A, lower triangular except for (dof, dof) blocks on its diagonal.
-        seen: S, which averages commands over neighbouring times.
-        unseen: U; without an integrator equal to S.
+        left: A, whose last block is that of the equation's own time, (n, width, dof, dof).
+        seen: Diagonals of S, which averages commands over neighbouring times, (n, width, dof).
+        unseen: Diagonals of U, (n, width, dof); without an integrator equal to S.
     """
 
-    left: csc_array
-    seen: csc_array
-    unseen: csc_array
+    left: FloatArray
+    seen: FloatArray
+    unseen: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,31 +191,55 @@ class Response(Frozen):
     """The closed loop, linearized around a motion: `M x'' + D x' + K x = G u`.
 
     x is the deviation of the joints, u the deviation of the command at the drives. The joints are
-    at rest at the first time. `equations` includes integrators and the drive cycle.
+    at rest at the first time. `equations` includes integrators and the drive cycle. M, D and K are
+    interpolated linearly between nodes.
 
     Args:
         t: Regular times [s], (n,).
-        mass: M at the times [kg m²], (n, dof, dof).
-        damping: D at the times, including the velocity loops [N m s/rad], (n, dof, dof).
-        stiffness: K at the times, including the position loops [N m/rad], (n, dof, dof).
+        nodes: Indices of the nodes in the times, increasing from 0 to n - 1, (m,).
+        mass: M at the nodes [kg m²], (m, dof, dof).
+        damping: D at the nodes, including the velocity loops [N m s/rad], (m, dof, dof).
+        stiffness: K at the nodes, including the position loops [N m/rad], (m, dof, dof).
         gain: Diagonal of G, the torque per command [N m/rad], (dof,).
         servo: The servo of these loops, with one value per joint.
+        is_coupled: Whether joints move each other. Otherwise M, D and K are diagonal.
     """
 
     t: FloatArray
+    nodes: IntArray
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
     gain: FloatArray
     servo: ServoModel
+    is_coupled: bool
 
     @property
     def step(self) -> float:
         """Step of the regular times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
-    def equations(self) -> Equations:
-        """Return the loops' equations `A x = S u + U a` in discrete time."""
+    @property
+    def groups(self) -> list[IntArray]:
+        """Joints that move each other, as arrays of their indices from 0."""
+        joints = np.arange(len(self.gain))
+        return [joints] if self.is_coupled else list(joints[:, None])
+
+    @property
+    def width(self) -> int:
+        """Number of successive times in one equation."""
+        return 4 if self.servo.ki.any() else 3
+
+    def equations(
+        self, first: int = 0, last: int | None = None, joints: IntArray | None = None
+    ) -> Equations:
+        """Return the loops' equations `A x = S u + U a` in discrete time, of some times and joints.
+
+        Args:
+            first: Index of the first time.
+            last: Index after the last time; None for all times.
+            joints: Indices of the joints, a group of `groups`; None for all joints.
+        """
         # Newmark's method with constant mean acceleration (second order, unconditionally stable):
         #
         #     M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / (2 h) + K m(x) = G m(u)
@@ -228,29 +250,45 @@ class Response(Frozen):
         # other torques. An integrator is a first-order filter of the loop torque; its inverse
         # filters the torque of the bodies.
         servo = self.servo
-        delay = self.servo.drive_cycle / 2
-        lags = np.isfinite(servo.kp)
-        loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
+        chosen = np.arange(len(self.gain)) if joints is None else joints
+        # The filter of an integrator also needs the equation before the first one.
+        times = np.arange(first - 1, len(self.t) if last is None else last)
+        delay = servo.drive_cycle / 2
+        lags = np.isfinite(servo.kp)[chosen]
+        kv = np.zeros_like(servo.kp) if servo.kv is None else servo.kv
+        loop = (servo.kv is not None) * np.isfinite(kv)[chosen] * 1.0
         # Damping and stiffness of the loops divided by the gain; delay as a fraction of a step.
-        loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
+        kp = np.where(np.isfinite(servo.kp), servo.kp, 1.0)[chosen]
+        damping = np.diag(loop / kp)
+        stiffness = np.diag(lags * 1.0)
         fraction = lags * delay / self.step
-        before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
-        unit = np.eye(len(loop))
-        shape = (len(self.t) - 1, 3, len(loop), len(loop))
-        means = _banded(unit, np.broadcast_to([before, unit / 2, after], shape))
-        damping, stiffness = (np.diag(x) for x in loops)
-        gain = self.gain[:, None]
-        mass, slow, stiff = (x / gain for x in (self.mass, self.damping, self.stiffness))
-        mass = mass - delay * damping
-        slow = slow - delay * stiffness
+        half = np.full(len(chosen), 0.5)
+        means = np.stack([0.25 + fraction / 2, half, 0.25 - fraction / 2])[None]
+        seen = _from_rest(np.repeat(means, len(times), axis=0), times, np.ones(len(chosen)))
+        mass, slow, stiff = self._interpolated(np.maximum(times - 1, 0), chosen)
+        bodies = self._steps(times, mass - delay * damping, slow - delay * stiffness, stiff)
         if not servo.ki.any():
-            return Equations(self._steps(mass, slow, stiff), means, means)
-        loop_terms = -delay * damping, damping - delay * stiffness, stiffness
-        driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in loop_terms))
-        bodies = self._steps(mass, slow, stiff) - driven
-        filters = [self._integrator_filter(x) for x in servo.ki]
-        alone, both = (self._filters(np.array(x)) for x in zip(*filters, strict=True))
-        return Equations(alone @ bodies + both @ driven, both @ means, alone @ means)
+            return Equations(bodies[1:], seen[1:], seen[1:])
+        driven = self._steps(times, -delay * damping, damping - delay * stiffness, stiffness)
+        filters = [self._integrator_filter(x) for x in servo.ki[chosen]]
+        alone, both = (np.array(x) for x in zip(*filters, strict=True))
+        left = _filtered(alone, bodies - driven, times) + _filtered(both, driven, times)
+        return Equations(left, _filtered(both, seen, times), _filtered(alone, seen, times))
+
+    def _interpolated(self, times: IntArray, joints: IntArray) -> list[FloatArray]:
+        """Return mass, damping and stiffness divided by the gain at times, (n, dof, dof) each.
+
+        - `times`: indices of the times, (n,).
+        - `joints`: indices of the joints, (dof,).
+        """
+        node = np.clip(np.searchsorted(self.nodes, times, "right") - 1, 0, len(self.nodes) - 2)
+        position = np.interp(times, self.nodes, np.arange(len(self.nodes)))
+        fraction = (position - node)[:, None, None]
+        parts = []
+        for values in (self.mass, self.damping, self.stiffness):
+            part = values[:, joints[:, None], joints] / self.gain[joints, None]
+            parts.append((1 - fraction) * part[node] + fraction * part[node + 1])
+        return parts
 
     def _integrator_filter(self, ki: float) -> tuple[FloatArray, FloatArray]:
         """Return numerator and denominator, in z, of a joint's filter for its integrator gain."""
@@ -260,61 +298,49 @@ class Response(Frozen):
         unfiltered = np.array([1.0, 0.0])
         return unfiltered, unfiltered
 
-    def _filters(self, weights: FloatArray) -> csc_array:
-        """Make the matrix of joint filters from the weights of present and previous values."""
-        from scipy.sparse import csc_array, diags_array
-
-        now, before = np.tile(weights.T[:, None], (1, len(self.t), 1))
-        # The robot is at rest before the first time, so a filter with zero DC gain has the output 0
-        # there.
-        now[0] += weights[:, 1] * (weights.sum(axis=1) == 0.0)
-        dof = len(weights)
-        return csc_array(diags_array([now.ravel(), before[1:].ravel()], offsets=[0, -dof]))
-
-    def _steps(self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> csc_array:
-        """Return the matrix of `M x'' + D x' + K x`; at the first time of `K x` alone."""
-        m = mass[:-1] / self.step**2
-        d = damping[:-1] / (2 * self.step)
-        k = stiffness[:-1] / 4
-        return _banded(stiffness[0], np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
+    def _steps(
+        self, times: IntArray, mass: FloatArray, damping: FloatArray, stiffness: FloatArray
+    ) -> FloatArray:
+        """Return the blocks of `M x'' + D x' + K x`, (n, 3, dof, dof); at the first time of K x."""
+        m = mass / self.step**2
+        d = damping / (2 * self.step)
+        k = stiffness / 4
+        shape = (len(times), *stiffness.shape[-2:])
+        blocks = [np.broadcast_to(x, shape) for x in (m - d + k, 2 * k - 2 * m, m + d + k)]
+        first = np.broadcast_to(stiffness, shape)[np.searchsorted(times, 0)]
+        return _from_rest(np.stack(blocks, axis=1), times, first)
 
 
-def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
-    """Make a sparse matrix with one block in the first block row and three in each other row."""
-    from scipy.sparse import bsr_array, csc_array
+def _from_rest(blocks: FloatArray, times: IntArray, first: FloatArray) -> FloatArray:
+    """Return blocks, (n, 3, ...), of joints that rest at their first positions before time 0.
 
-    n = len(blocks) + 1
-    dof = len(first)
-    # Before the first time the joints rest at their first positions.
-    columns = np.maximum(np.arange(n - 1)[:, None] + [-1, 0, 1], 0)
-    values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
-    row_starts = np.append(0, 1 + 3 * np.arange(n))
-    parts = values, np.append(0, columns), row_starts
-    matrix = csc_array(bsr_array(parts, shape=(n * dof, n * dof)))
-    matrix.sum_duplicates()
-    matrix.eliminate_zeros()
-    return matrix
-
-
-def linear_along(
-    drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
-) -> list[FloatArray]:
-    """Return mass, damping and stiffness of `Drives.linear` at all times, (n, dof, dof) each.
-
-    Args:
-        drives: The drives.
-        t: Times of the motion [s], (n,).
-        q: Joint positions [rad], (n, dof).
-        dq: Joint velocities [rad/s], (n, dof).
-        ddq: Joint accelerations [rad/s²], (n, dof).
+    - `times`: indices of the times, (n,).
+    - `first`: block of the equation at the first time.
     """
-    count = max(int((t[-1] - t[0]) / LINEARIZATION_TIME), 1)
-    rows = np.linspace(0, len(t) - 1, count + 1).astype(np.intp)
-    position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
-    before = np.minimum(position.astype(np.intp), len(rows) - 2)
-    fraction = (position - before)[:, None, None]
-    linear = drives.linear(q[rows], dq[rows], ddq[rows])
-    return [(1 - fraction) * x[before] + fraction * x[before + 1] for x in linear]
+    blocks[times <= 0] = 0.0
+    blocks[times == 0, 2] = first
+    blocks[times == 1, 1] += blocks[times == 1, 0]
+    blocks[times == 1, 0] = 0.0
+    return blocks
+
+
+def _filtered(weights: FloatArray, blocks: FloatArray, times: IntArray) -> FloatArray:
+    """Filter equations in time by joint; return all but the first, (n - 1, 4, ...).
+
+    - `weights`: weights of present and previous values, (dof, 2).
+    - `blocks`: blocks of the equations, (n, 3, ...).
+    - `times`: indices of their times, (n,).
+    """
+    shape = (1, 1, len(weights), *[1] * (blocks.ndim - 3))
+    now = np.repeat(weights[:, 0].reshape(shape), len(times) - 1, axis=0)
+    # The robot is at rest before the first time, so a filter with zero DC gain has the output 0
+    # there.
+    is_zero = weights.sum(axis=1) == 0.0
+    now[times[1:] == 0] += (weights[:, 1] * is_zero).reshape(shape[1:])
+    filtered = np.zeros((len(times) - 1, 4, *blocks.shape[2:]))
+    filtered[:, 1:] = now * blocks[1:]
+    filtered[:, :3] += weights[:, 1].reshape(shape) * blocks[:-1]
+    return filtered
 
 
 def respond_along(
@@ -344,23 +370,33 @@ def respond_along(
         InvalidInput: The gains do not fit the arm.
     """
     joint_servo = servo.for_joints(arm.dof)
-    if arm.has_bodies and servo.is_plain("second"):
+    is_coupled = arm.has_bodies and servo.is_plain("second")
+    if is_coupled:
         drives = Drives(
             arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, controller=controller
         )
-        rates = (motion(t, order) for order in range(3))
-        mass, damping, stiffness = linear_along(drives, t, *rates)
+        count = max(int((t[-1] - t[0]) / LINEARIZATION_TIME), 1)
+        nodes = np.linspace(0, len(t) - 1, count + 1).astype(np.intp)
+        linear = drives.linear(*(motion(t[nodes], order) for order in range(3)))
         gain = drives.stiffness
     else:
-        shape = len(t), arm.dof, arm.dof
         one = np.ones(arm.dof)
         kv = one * np.inf if joint_servo.kv is None else joint_servo.kv
         loop = np.isfinite(kv)
         lag = np.isfinite(joint_servo.kp)
         # Joints with a pure delay follow the command: x = u.
         gain = np.where(lag, joint_servo.kp, 1.0) * np.where(loop, kv, 1.0)
+        nodes = np.array([0, len(t) - 1])
         rows = loop * one, np.where(loop, kv, lag * one), gain
-        mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
+        mass, damping, stiffness = (np.stack([np.diag(x)] * 2) for x in rows)
+        linear = mass, damping, stiffness
     return Response(
-        t=t, mass=mass, damping=damping, stiffness=stiffness, gain=gain, servo=joint_servo
+        t=t,
+        nodes=nodes,
+        mass=linear[0],
+        damping=linear[1],
+        stiffness=linear[2],
+        gain=gain,
+        servo=joint_servo,
+        is_coupled=is_coupled,
     )

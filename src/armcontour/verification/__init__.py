@@ -8,6 +8,7 @@ _HOME = {
     "error_profile": "Coverage ErrorProfile",
     "evaluation": "Evaluation evaluate",
     "contour_errors": "CornerDeviation",
+    "repeated_runs": "RepeatedRuns",
     "limit_verdict": "LimitUse PathDeviation",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -7,5 +7,6 @@ from armcontour.verification.interpolation_check import InterpolationCheck as In
 from armcontour.verification.interpolation_check import check_interpolation as check_interpolation
 from armcontour.verification.limit_verdict import LimitUse as LimitUse
 from armcontour.verification.limit_verdict import PathDeviation as PathDeviation
+from armcontour.verification.repeated_runs import RepeatedRuns as RepeatedRuns
 from armcontour.verification.trajectory_check import Check as Check
 from armcontour.verification.trajectory_check import check as check

@@ -1,5 +1,6 @@
 """The lifted model against dense least squares."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import armcontour as ac
+from armcontour.control.learning import banded_conditions
 from armcontour.control.learning.lifted_model import Lifted, Nominal
 from armcontour.motion import SetPoints
 
@@ -107,14 +109,49 @@ def test_the_lifted_model_has_the_expected_response(lifted):
     assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
 
 
-def test_memory_grows_only_linearly_with_the_rest_after_the_last_set_point(lifted):
-    """A slow joint rests for long: its factors grow with the number of times, not its square."""
-    per_time = []
-    for kp in (20.0, 2.0):
-        servo = lifted.nominal.servo.replace(kp=kp)
-        set_points = SetPoints(
-            cycle=lifted.cycle, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
-        )
-        model = Lifted(set_points, lifted.nominal._replace(servo=servo))
-        per_time.append(model._factored(1e-3)[0].L.nnz / len(model.t))
-    assert per_time[1] < 1.1 * per_time[0]
+def test_windows_of_any_length_give_the_same_correction(lifted, monkeypatch):
+    """Short windows, whose factors are computed again for each solution."""
+    monkeypatch.setattr(banded_conditions, "WINDOW_VALUES", 500)
+    monkeypatch.setattr(banded_conditions, "KEPT_VALUES", 0)
+    q = np.zeros((lifted.count, 2))
+    set_points = SetPoints(
+        cycle=lifted.cycle, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
+    )
+    divided = Lifted(set_points, lifted.nominal)
+    error = 1e-3 * np.sin(np.outer(lifted.t, [40.0, 90.0]))
+    for last in (None, np.array([1e-3, np.nan])):
+        for values, expected in zip(
+            divided.correct(error, 1e-2, last), lifted.correct(error, 1e-2, last), strict=True
+        ):
+            # Integrators amplify rounding errors.
+            np.testing.assert_allclose(values, expected, atol=5e-7)
+    likelihoods = [x.negative_log_likelihood(error, 1e-2, 1e-8) for x in (divided, lifted)]
+    assert likelihoods[0] == pytest.approx(likelihoods[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("kp", [20.0, 0.5])
+def test_a_correction_takes_little_memory(kp):
+    """Also for a slow joint, which rests for long after the last set-point."""
+    arm = rods()
+    slow = ac.Limits.only(joint_velocity=0.01, joint_acceleration=1.0)
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]), arm, slow)
+    q = np.zeros((int(np.ceil(plan.duration / 8e-3)) + 1, 2))
+    set_points = SetPoints(cycle=8e-3, q=q, trajectory=plan, method="none")
+    servo = ac.ServoModel(kp=kp, kv=150.0).for_joints(2)
+    tracemalloc.start()
+    model = Lifted(set_points, Nominal(arm=arm, servo=servo))
+    for penalty in (1e-4, 1e-2, 1.0, 1e2):
+        model.correct(model.planned, penalty)
+    largest = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert largest < 800 * model.planned.size
+
+
+def test_a_motion_that_takes_too_much_memory_is_refused():
+    arm = rods()
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]), arm, arm.limits)
+    set_points = SetPoints(cycle=1e-3, q=np.zeros((20, 2)), trajectory=plan, method="none")
+    model = Nominal(arm=arm, servo=ac.ServoModel(kp=25.0, kv=150.0).for_joints(2))
+    with pytest.raises(ac.InvalidInput) as refused:
+        Lifted(set_points, model, times=20_000_000)
+    assert refused.value.needed > refused.value.allowed > 1e9

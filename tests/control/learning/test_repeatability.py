@@ -1,5 +1,7 @@
 """Errors that differ between runs with equal set-points are reported and averaged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -138,3 +140,18 @@ def test_a_log_with_large_gaps_is_refused(refuses):
     mask = (log.t < 5.2) | (log.t > 5.8)
     cut = ac.Log(t=log.t[mask], command=log.command[mask], measured=log.measured[mask])
     refuses(lambda: robot.learn(robot.set_points, cut), ac.InvalidInput, "gaps")
+
+
+def test_a_run_that_differs_from_the_others_is_named():
+    """Four logs of the same set-points; the last robot carries a load that bends its joints."""
+    robot = Robot(3)
+    logs = [robot.run(robot.set_points)[0] for _ in range(4)]
+    bump = 5e-3 * np.sin(np.pi * (logs[3].t - logs[3].t[0]) / np.ptp(logs[3].t))[:, None] ** 2
+    logs[3] = replace(logs[3], measured=logs[3].measured + bump)
+    lesson = robot.learn(robot.set_points, logs)
+    assert lesson.repeated.different.tolist() == [3]
+    assert lesson.repeated.largest.max() == lesson.runs[3].largest
+    assert any("Run 4 differs from runs 1 to 3" in x for x in lesson.to_data().notes)
+    alike = robot.learn(robot.set_points, logs[:3])
+    assert not len(alike.repeated.different)
+    assert robot.learn(robot.set_points, logs[0]).repeated is None

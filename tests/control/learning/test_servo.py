@@ -49,6 +49,52 @@ def test_learning_ends_if_no_servo_fits_the_log():
     np.testing.assert_array_equal(lesson.q, set_points.q)
 
 
+@pytest.fixture(scope="module")
+def slow_plan():
+    """A plan whose set-points for a wrong servo have a small error."""
+    limits = ac.Limits.only(speed=0.05, joint_acceleration=3.0, joint_velocity=2.0)
+    path = rounded([(0.30, 0.05), (0.36, 0.10), (0.30, 0.16)])
+    return gentle_plan(path, rods(), limits.for_joints(2))
+
+
+FIRST_ORDER = ac.ServoModel(kp=30.0, order="first", velocity_feedforward=0.4, dead_time=3e-3)
+
+
+@pytest.mark.parametrize(("has_commands", "remaining"), [(True, 0.1), (False, 0.5)])
+def test_learning_uses_the_servo_that_fits_the_log(slow_plan, has_commands, remaining):
+    """A log that the servo explains partly: its lag is wrong, but less than the lag itself."""
+    arm = rods()
+    set_points = ac.compensate(slow_plan, SERVO, ac.Inverse())
+    robot = ac.ServoPlant(arm, FIRST_ORDER, saturation="none")
+    for k in range(3):
+        log = log_of(ac.simulate(set_points, robot), 1e-7, seed=k)
+        if not has_commands:
+            log = Recording(t=log.t, q=log.measured)
+        set_points = ac.learn(set_points, log, arm=arm, servo=SERVO)
+    errors = [x.rms for x in set_points.runs]
+    # Without commands, the unknown offset of the clock explains the wrong lag.
+    assert ("identified" in set_points.model) == has_commands
+    assert max(errors) == errors[0] and errors[-1] < remaining * errors[0]
+
+
+def test_no_step_makes_the_next_run_much_worse(slow_plan):
+    """Set-points for another servo fit the robot better than the model does."""
+    arm = rods()
+    lesson = ac.compensate(slow_plan, FIRST_ORDER.replace(dead_time=0.0), ac.Inverse())
+    robot = ac.ServoPlant(arm, FIRST_ORDER, saturation="none")
+    # Logs do not determine a servo with this interpolation.
+    servo = SERVO.replace(interpolation="cubic")
+    for _ in range(3):
+        executed = ac.simulate(lesson, robot)
+        recording = Recording(t=executed.t, q=executed.q, in_plan_time=True)
+        lesson = ac.learn(lesson, recording, arm=arm, servo=servo)
+        if lesson.finished:
+            break
+    errors = [x.rms for x in lesson.runs]
+    assert max(errors) < 1.3 * errors[0]
+    assert lesson.finished and "identify" in lesson.reason.lower()
+
+
 def test_a_correct_servo_is_not_contradicted():
     arm = with_inertias()
     limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0)

@@ -62,6 +62,11 @@ CERTAIN_MISFIT = 0.02
 # A servo that is identified from a log is used if the deviation of each joint from its simulation
 # is below this fraction of the deviation from the set-points.
 IDENTIFIED_MISFIT = 0.5
+# It must also be below this fraction of the largest deviation from the simulation of the job's
+# servo.
+BETTER_SHARE = 0.5
+# A servo is identified from at most this part of a long log [s], which takes a second or two.
+IDENTIFIED_TIME = 15.0
 # If a joint hardly moves, its deviation from the set-points counts as at least this fraction of the
 # largest one, because coupled joints move it.
 LEAST_LAG = 0.3
@@ -69,6 +74,8 @@ LEAST_LAG = 0.3
 MAX_SETBACKS = 3
 # Each setback multiplies the step by this factor.
 SETBACK_STEP = 0.5
+# In a bad case, the error of the next run is at most this multiple of the smallest error.
+MAX_GROWTH = 1.2
 # Number of steps that are tried on the model, each SETBACK_STEP times the previous one.
 TRIALS = 4
 # Set-points may accelerate up to the limit of the joint or up to this multiple of the largest
@@ -107,8 +114,7 @@ class ErrorEstimate:
     # noise: RMS difference of runs with equal set-points from their mean [m]; None if there are no
     # such runs.
     # q: set-points that remove the repeating error [rad], (count, dof).
-    # steps: fraction of the change that each joint makes, according to the error of the model's
-    # response to the newest change of the set-points, (dof,).
+    # model_errors: relative error of the model's response, by joint, (dof,).
 
     def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
         self._lifted = lifted
@@ -135,7 +141,7 @@ class ErrorEstimate:
         self.error = learned_response - response
         self.repeats = lifted.measure_tool_error(self.error).rms
         self.noise = self._find_noise()
-        self.steps = self._choose_steps()
+        self.model_errors = self._find_model_errors()
 
     def _find_noise(self) -> float | None:
         """Return the RMS tool error that differs between runs of equal set-points [m].
@@ -154,11 +160,11 @@ class ErrorEstimate:
                 squares += self._lifted.measure_tool_error(deviation).rms ** 2
         return float(np.sqrt(squares / freedom)) if freedom else None
 
-    def _choose_steps(self) -> FloatArray:
-        """Return the fraction of the change that each joint makes, (dof,).
+    def _find_model_errors(self) -> FloatArray:
+        """Return the relative error of the model's response of each joint, (dof,).
 
-        A joint makes a smaller step if the model predicted badly how the newest change of the
-        set-points moves it.
+        It is that of the newest change of the set-points. Before there is such a change, it is that
+        of the motion that the first set-points cause.
         """
         best = self._runs[self.best]
         for run in reversed(self._runs):
@@ -168,9 +174,33 @@ class ErrorEstimate:
                 noise = np.hypot(run.noise, best.noise)
                 model_error = smooth_error(self._lifted, model_error, noise)
                 squares = np.maximum(np.mean(predicted**2, axis=0), 1e-300)
-                ratios = np.mean(model_error**2, axis=0) / squares
-                return np.asarray(1 / (1 + CAUTION**2 * ratios))
-        return np.ones(self._lifted.dof)
+                return np.asarray(np.sqrt(np.mean(model_error**2, axis=0) / squares))
+        return _find_misfit(self._lifted, best.q, self._lifted.planned + best.error).ratios
+
+    @property
+    def steps(self) -> FloatArray:
+        """Fraction of the change that each joint makes, (dof,)."""
+        # A deviation of the first motion may also come from a load or friction, which repeats.
+        if self.count == len(self._runs):
+            return np.ones(self._lifted.dof)
+        return np.asarray(1 / (1 + CAUTION**2 * self.model_errors**2))
+
+    def predict(self, response: FloatArray) -> tuple[float, float]:
+        """Return the RMS tool error of the next run as predicted, and in a bad case [m].
+
+        In the bad case, the joints respond differently from the model by its errors, all in the
+        same direction or in alternating ones.
+
+        - `response`: response of the joints to the change of the set-points [rad], (n, dof).
+        """
+        expected = self.error + response
+        predicted = self._lifted.measure_tool_error(expected).rms
+        alternating = (-1.0) ** np.arange(self._lifted.dof)
+        worst = predicted
+        for signs in (alternating, np.ones(self._lifted.dof)):
+            deviation = signs * self.model_errors * response
+            worst = max(worst, self._lifted.measure_tool_error(expected + deviation).rms)
+        return predicted, worst
 
     @property
     def is_noise(self) -> bool:
@@ -274,10 +304,11 @@ def _choose_model(
     if best is None:
         assert refused is not None
         raise refused
-    if smallest_misfit > MAX_MISFIT and (servo := _identify_servo(set_points, recording, nominal)):
+    if smallest_misfit > CERTAIN_MISFIT and (servo := _identify_servo(set_points, recording, best)):
         identified = _linearize(nominal.without_bodies()._replace(servo=servo))
         lifted = _make_lifted_model(set_points, recordings, identified)
-        if _compare(lifted, set_points, recording).largest < IDENTIFIED_MISFIT:
+        misfit = _compare(lifted, set_points, recording).largest
+        if misfit < min(IDENTIFIED_MISFIT, BETTER_SHARE * smallest_misfit):
             measured = log_alignment.align(recording, best, set_points).measured
             described = _describe_contradiction(best, set_points.q, measured, recording)
             note = f"{described}. Learning uses the servo that was identified from this log."
@@ -286,26 +317,55 @@ def _choose_model(
 
 
 def _identify_servo(
-    set_points: SetPoints, recording: Recording, nominal: Nominal
+    set_points: SetPoints, recording: Recording, lifted: Lifted
 ) -> ServoModel | None:
-    """Identify the servo from a recording; None if the recording does not determine one."""
-    kind = nominal.servo.interpolation
-    command = recording.command
-    if command is None and recording.in_plan_time:
-        command = interpolate(recording.t, set_points.t, set_points.q)
-    if command is None or kind not in INTERPOLATIONS:
+    """Identify the servo from a recording; None if the recording does not determine one.
+
+    Without recorded set-points, the clock is that with which the recording fits the model. Learning
+    needs only the response on this clock, so its dead time may differ from that of the robot.
+
+    - `lifted`: model of the servo that the recording contradicts.
+    """
+    kind = lifted.nominal.servo.interpolation
+    if kind not in INTERPOLATIONS:
         return None
+    t = recording.t
+    command = recording.command
+    if command is None:
+        aligned = log_alignment.align(recording, lifted, set_points)
+        t = aligned.offset + aligned.rate * t
+        command = interpolate(t, set_points.t, set_points.q)
+    part = _find_moving_part(t, command)
     try:
         log = Log(
-            t=recording.t,
-            command=command,
-            measured=recording.q,
+            t=t[part],
+            command=command[part],
+            measured=recording.q[part],
             interpolation=kind,
             source=recording.source,
         )
         return identify(log).servo_model()
     except InvalidInput:
         return None
+
+
+def _find_moving_part(t: FloatArray, command: FloatArray) -> slice:
+    """Return the part of a log, of at most IDENTIFIED_TIME, in which all joints move most.
+
+    - `t`, `command`: times [s], (n,), and set-points [rad], (n, dof).
+    """
+    parts = int(np.ceil((t[-1] - t[0]) / IDENTIFIED_TIME))
+    ends = np.searchsorted(t, np.linspace(t[0], t[-1], parts + 1)[1:], "right")
+    begins = np.append(0, ends[:-1])
+    whole = np.maximum(np.ptp(command, axis=0), 1e-300)
+    best = slice(0, len(t))
+    largest = -1.0
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        moved = float((np.ptp(command[begin:end], axis=0) / whole).min())
+        if moved > largest:
+            largest = moved
+            best = slice(begin, end)
+    return best
 
 
 def _make_lifted_model(
@@ -412,12 +472,17 @@ def _learn_next(
     for k in range(setbacks, setbacks + TRIALS):
         requested = best.q + SETBACK_STEP**k * change
         q, reason = _keep_limits(requested, best.q, set_points.cycle, bounds)
-        predicted = lifted.measure_tool_error(estimate.error + lifted.respond(q - best.q)).rms
-        if useful := predicted * USEFUL_FACTOR < estimate.repeats:
+        predicted, worst = estimate.predict(lifted.respond(q - best.q))
+        is_safe = worst <= MAX_GROWTH * best.rms
+        if useful := is_safe and predicted * USEFUL_FACTOR < estimate.repeats:
             break
     end = _reason_to_finish(lifted, runs, estimate, setbacks)
     if not (end or useful):
         end = f"no change reduces the error by more than {USEFUL_FACTOR - 1:.0%}"
+        if not is_safe:
+            unproven = best.rms > PROVEN_SHARE * runs[0].rms
+            remedy = ", so identify the servo" if unproven else ""
+            reason = f"the model of the servo is not exact enough{remedy}"
         end += f", because {reason}" if reason else ""
     return LearningResult(
         cycle=set_points.cycle, q=best.q if end else q, trajectory=set_points.trajectory,
@@ -542,4 +607,7 @@ def _keep_limits(
     name = excess.name if excess.order else "range"
     q = nearest_commands(requested, cycle, bounds, best)[0]
     words = name.removeprefix("joint_").replace("_", " ")
-    return q, f"the {words} of the set-points of joint {excess.joint + 1} limits the step"
+    remedy = "plan with a larger reserve" if excess.order else "move the path away from it"
+    return q, (
+        f"the {words} of the set-points of joint {excess.joint + 1} limits the step, so {remedy}"
+    )

@@ -26,6 +26,7 @@ from armcontour.motion.log_checks import check_gaps
 from armcontour.motion.log_times import repair_times
 from armcontour.motion.time_finding import TimeFinding
 from armcontour.robot.servo import ServoModel
+from armcontour.verification import RepeatedRuns
 
 # Largest difference of an execution's set-points from the set-points of the run [rad].
 SET_POINT_TOLERANCE = 1e-9
@@ -269,6 +270,11 @@ class LearningRun(Result, Checked):
     __repr__ = short_repr
 
     @property
+    def largest(self) -> float:
+        """Largest error of the tool [m]: `contour_max`, or `tool_max` if it is None."""
+        return self.tool_max if self.contour_max is None else self.contour_max
+
+    @property
     def rms(self) -> float:
         """Error by which runs are compared [m]: `contour_rms`, or `tool_rms` if it is None."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
@@ -327,17 +333,35 @@ class LearningResult(Result, SetPoints):
                 Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
                 Row("repeats", self.repeats, "m"),
                 Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", level=FIRST),
+                *(self.repeated.rows if self.repeated else ()),
                 Row("model", self.model, "", "model", level=FIRST),
                 Row("best", self.best + 1),
                 Row("setbacks", self.setbacks, "", "setbacks"),
                 Row("reason", self.reason),
             ),
             (Table.from_results("runs", [x.to_data() for x in self.runs]),),
-            notes=self.runs[-1].notes,
+            notes=self.notes,
             not_proven=OF_LOGS,
         )  # fmt: skip
 
     __repr__ = short_repr
+
+    @property
+    def repeated(self) -> RepeatedRuns | None:
+        """Largest errors of the runs with the last run's set-points; None if it is the only one."""
+        last = self.runs[-1]
+        equal = [k for k, x in enumerate(self.runs) if np.array_equal(x.q, last.q)]
+        if len(equal) < 2:
+            return None
+        largest = [self.runs[k].largest for k in equal]
+        return RepeatedRuns(largest=np.array(largest), numbers=np.array(equal) + 1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on the last run, and on runs that differ from others with its set-points."""
+        repeated = self.repeated
+        difference = (repeated.note,) if repeated and repeated.note else ()
+        return (*difference, *self.runs[-1].notes)
 
     @property
     def remaining(self) -> float:

@@ -6,15 +6,19 @@
 from __future__ import annotations
 
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.sparse import block_array, block_diag, coo_array, csc_array, diags_array, eye_array
-from scipy.sparse.linalg import splu
 
-from armcontour.core import checks
+from armcontour.control.learning.banded_conditions import (
+    LAST_PENALTY,
+    BandedConditions,
+    Factorization,
+    Weights,
+)
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.sampled_data import interpolate
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import GAP
@@ -48,9 +52,12 @@ BRIDGE_ERROR = 1e-3
 # Number of cached factorizations; the final step of a search for the penalty compares three, and
 # the correction with a given last set-point requires one more.
 MAX_FACTORS = 4
-# Penalty on the deviation of the last set-point from a given one, relative to the weight of an
-# error at one time.
-LAST_PENALTY = 1e10
+# Memory that learning takes per joint and time of the model, from measurements [bytes].
+BYTES_PER_VALUE = 350.0
+# Memory that learning takes besides, mostly for factors that are kept [bytes].
+CONSTANT_BYTES = 0.8e9
+# Largest memory that learning may take [bytes].
+MAX_BYTES = 8e9
 # Names of the models.
 RIGID_BODIES = "rigid bodies"
 INDEPENDENT_SERVOS = "independent servos"
@@ -135,14 +142,11 @@ class Lifted:
         drive_cycle = nominal.servo.drive_cycle
         # Drives update once per drive cycle, so a drive cycle that is not short is the time step.
         step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
-        t = set_points.times(times or int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
+        count = times or int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1
+        _check_memory(count * self.dof, step * count)
+        t = set_points.times(count, step)
         self.t = t
         self.step = float(t[1] - t[0])
-        checks.check_count(
-            f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
-            len(t) * self.dof**2,
-            "Learn each contour separately or at a higher speed",
-        )
         self.nominal = nominal
         drives = nominal.drives
         self.planned, dq, ddq = self.plan.motion_with_rests(t)
@@ -155,18 +159,20 @@ class Lifted:
         else:
             ddq = without_integral(dq, ddq, self._prompt, self.step)
             self._needed = self._prompt.command(self.planned, dq, ddq)
-        # Equations of the joint positions x with the command as the input.
-        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
-        self._left, self._means, self._unseen = response.equations()
         # The last set-point is held, so errors at rest count as if they lasted for HELD_TIME.
         self.is_rest = t > t[-1] - REST_TIME
         self.weight = np.where(self.is_rest, HELD_TIME / REST_TIME, 1.0)[:, None]
-        weights = diags_array(np.repeat(1 / self.weight, self.dof))
-        self._weighted = csc_array(weights @ self._left.T)
-        self._solve = splu(self._left, permc_spec="NATURAL")
-        self._factors: dict[tuple[float, bytes], tuple[Any, IntArray, float]] = {}
+        response = respond_along(self.plan.with_rests, t, **nominal._asdict())
+        sent = self.start + np.arange(self.count)[:, None] * self.cycle
+        reached = sent + nominal.servo.dead_time
+        self._groups = [
+            BandedConditions(response, x, self._command_weights, self.weight[:, 0], reached)
+            for x in response.groups
+        ]
+        self._factors: dict[tuple[float, bytes], list[Factorization]] = {}
         self._penalty = FIRST_PENALTY
-        self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
+        self._expected = self.planned
+        self._expected_of: FloatArray | None = None
 
     @property
     def prismatic(self) -> tuple[bool, ...]:
@@ -205,32 +211,26 @@ class Lifted:
             _Term(x * factor / span, kind, shift - drive_cycle / 2 + x * span / 2) for x in (1, -1)
         ]
 
-    def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
-        """Return indices into `q.ravel()`, and weights, that interpolate set-points.
-
-        The shape of both is (n dof, 2 or 4).
-        """
-        key = term.interpolation, term.shift
-        if key not in self._weights:
-            times = (
-                self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift
-            ).ravel()
-            index, weight = command_weights(self.count, self.cycle, term.interpolation, times)
-            joint = np.arange(times.size)[:, None] % self.dof
-            self._weights[key] = index * self.dof + joint, weight
-        index, weight = self._weights[key]
-        if isinstance(term.factor, float):
-            return index, weight * term.factor
-        return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
+    def _command_weights(self, joint: int, times: IntArray) -> list[Weights]:
+        """Return the weights of the set-points in a joint's command at times with indices."""
+        since_reached = self.t[times] - self.start - self.nominal.servo.dead_time[joint]
+        parts = []
+        for term in self._terms:
+            factor = float(np.broadcast_to(term.factor, self.dof)[joint])
+            index, weight = command_weights(
+                self.count, self.cycle, term.interpolation, since_reached + term.shift
+            )
+            parts.append(Weights(index, factor * weight, term.integrated))
+        return parts
 
     def _command(self, q: FloatArray) -> FloatArray:
         """Return the command at the drives for set-points, or for their change [rad], (n, dof)."""
-        sums = np.zeros((2, self.planned.size))
-        values = q.ravel()
-        for term in self._terms:
-            index, weight = self._interpolated(term)
-            sums[int(term.integrated)] += (weight * values[index]).sum(axis=1)
-        unseen, integrated = sums.reshape(2, *self.planned.shape)
+        integrated = np.zeros(self.planned.shape)
+        unseen = np.zeros(self.planned.shape)
+        for j in range(self.dof):
+            for indices, weights, is_integrated in self._command_weights(j, np.arange(len(self.t))):
+                command = integrated if is_integrated else unseen
+                command[:, j] += (weights * q[indices, j]).sum(axis=1)
         # An equivalent command replaces a command that bypasses the integrators.
         unseen = without_integral(np.zeros_like(unseen), unseen, self._prompt, self.step)
         return np.asarray(integrated + unseen)
@@ -241,12 +241,18 @@ class Lifted:
 
     def _respond_to(self, command: FloatArray) -> FloatArray:
         """Return how a command at the drives changes joint positions [rad], (n, dof)."""
-        response = self._solve.solve(self._means @ command.ravel())
-        return np.asarray(response).reshape(command.shape)
+        response = np.empty(command.shape)
+        for group in self._groups:
+            response[:, group.joints] = group.respond(command)
+        return response
 
     def expected(self, q: FloatArray) -> FloatArray:
         """Return the nominal robot's joint positions with set-points q [rad], (n, dof)."""
-        return self.planned + self._respond_to(self._command(q) - self._needed)
+        # Several checks of a log compare it with the motion of the same set-points.
+        if q is not self._expected_of:
+            self._expected = self.planned + self._respond_to(self._command(q) - self._needed)
+            self._expected_of = q
+        return self._expected
 
     def correct(
         self, error: FloatArray, penalty: float, last: FloatArray | None = None
@@ -261,82 +267,32 @@ class Lifted:
           free; None if all are free.
         """
         held = np.full(self.dof, False) if last is None else np.isfinite(last)
-        factors, order, _ = self._factored(penalty, held)
-        flat = error.ravel()
-        right_side = np.zeros(len(order))
-        right_side[: flat.size] = -(self._left @ flat)
-        if last is not None:
-            right_side[-self.dof :] = -LAST_PENALTY * np.where(held, last, 0.0)
-        solution = np.empty_like(right_side)
-        solution[order] = factors.solve(right_side[order])
-        change = solution[flat.size :].reshape(self.count, self.dof)
-        return change, (-flat - self._weighted @ solution[: flat.size]).reshape(error.shape)
+        given = np.zeros(self.dof) if last is None else np.where(held, last, 0.0)
+        change = np.empty((self.count, self.dof))
+        response = np.empty(error.shape)
+        for factorization in self._factored(penalty, held):
+            group = factorization.conditions
+            right_side = group.right_side(error)
+            tail = np.append(np.zeros(len(group.joints)), -LAST_PENALTY * given[group.joints])
+            change[:, group.joints] = factorization.solve(right_side, tail)
+            response[:, group.joints] = group.response_to(right_side, error)
+        return change, response
 
     def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
         """Return the part of an error that a disturbance of the drives explains [rad], (n, dof)."""
         return -self.correct(error, penalty)[1]
 
-    def _factored(
-        self, penalty: float, held: BoolArray | None = None
-    ) -> tuple[Any, IntArray, float]:
-        """Factorize the optimality conditions; also return the unknowns' order and log determinant.
+    def _factored(self, penalty: float, held: BoolArray) -> list[Factorization]:
+        """Return the factorizations of the optimality conditions by group of joints.
 
         `held` is the mask of the joints whose change of the last set-point is given, (dof,).
         """
-        # The conditions of the minimum over x and du subject to A x = B du, with multipliers y and
-        # with `x = -error - A' y / W` eliminated, are [[AA' / W, B], [B', -penalty L'L]]. It is
-        # quasi-definite, so no pivoting is required. The unknowns are in the order of their times.
-        held = np.full(self.dof, False) if held is None else held
         key = penalty, held.tobytes()
         if key not in self._factors:
             while len(self._factors) >= MAX_FACTORS:
                 del self._factors[next(iter(self._factors))]
-            conditions, jumps, order = self._conditions
-            matrix = conditions - penalty * jumps
-            if held.any():
-                # The last set-points are the last of all unknowns.
-                last = np.zeros(len(order))
-                last[-self.dof :] = LAST_PENALTY * held
-                matrix = csc_array(matrix - diags_array(last[order]))
-            factors = splu(
-                matrix,
-                permc_spec="NATURAL",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-            size = float(np.log(np.abs(factors.U.diagonal())).sum())
-            self._factors[key] = factors, order, size
+            self._factors[key] = [Factorization(x, penalty, held) for x in self._groups]
         return self._factors[key]
-
-    @cached_property
-    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
-        """Return the matrix of `_factored` without penalty, its block L'L, and column order."""
-        n = len(self.t) * self.dof
-        size = self.count * self.dof
-        rows = size - self.dof
-        jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
-        right_block = csc_array((n, size))
-        for means, integrated in ((self._means, True), (self._unseen, False)):
-            terms = [x for x in self._terms if x.integrated == integrated]
-            if terms:
-                index, weight = (
-                    np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
-                )
-                entries = np.repeat(np.arange(n), index.shape[1]), index.ravel()
-                interpolation = coo_array((weight.ravel(), entries), shape=(n, size))
-                right_block += means @ csc_array(interpolation)
-        blocks: Any = [[self._left @ self._weighted, right_block], [right_block.T, None]]
-        set_points = self.start + np.arange(self.count)[:, None] * self.cycle
-        reached = set_points + self.nominal.servo.dead_time
-        # The last set-point has an effect until the end, so it is eliminated last to avoid fill-in.
-        reached[-1] = np.inf
-        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
-        # The penalty does not affect the multipliers.
-        none = csc_array((n, n))
-        jumps = block_diag([none, jump.T @ jump], format="csc")
-        parts = csc_array(block_array(blocks)), jumps
-        conditions, jumps = (csc_array(x[order][:, order]) for x in parts)
-        return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float) -> float:
         """Choose the power of ten as penalty with which an error, (n, dof), is most likely.
@@ -362,11 +318,16 @@ class Lifted:
         Model of the error: white noise with the variance `variance` [rad²] plus the response to
         set-points whose differences are normal with the variance `variance / penalty`.
         """
-        change, response = self.correct(error, penalty)
-        squares = np.sum(self.weight * (error + response) ** 2)
-        squares += penalty * np.sum(np.diff(change, axis=0) ** 2)
-        # `size` is the log determinant of `P'P + penalty L'L` (see `correct`), up to a constant.
-        size = self._factored(penalty)[2]
+        # At the minimum, `W |error + P du|² + penalty |L du|²` is the product of the right side
+        # and the multipliers.
+        squares = 0.0
+        # Log determinant of `P'P + penalty L'L` (see `correct`), up to a constant.
+        size = 0.0
+        for factorization in self._factored(penalty, np.full(self.dof, False)):
+            group = factorization.conditions
+            tail = np.zeros(2 * len(group.joints))
+            squares += factorization.forward(group.right_side(error), tail)
+            size += factorization.log_determinant
         rank = (self.count - 1) * self.dof
         return float(squares / variance + size - rank * np.log(penalty))
 
@@ -424,6 +385,24 @@ class Lifted:
         if self.plan.path is None:
             return RestError(largest, None)
         return RestError(largest, float(self.plan.path.project(tool).distance.max()))
+
+
+def _check_memory(values: int, duration: float) -> None:
+    """Raise InvalidInput if learning would take more than MAX_BYTES of memory.
+
+    - `values`: number of joints times number of times of the model.
+    - `duration`: modelled time [s].
+    """
+    needed = CONSTANT_BYTES + BYTES_PER_VALUE * values
+    if needed > MAX_BYTES:
+        raise InvalidInput(
+            f"Learning {duration:.4g} s of motion would take {needed / 1e9:.3g} GB of memory, but "
+            f"may take at most {MAX_BYTES / 1e9:g} GB. Divide the job, and learn each part, or "
+            "move faster.",
+            limit="memory",
+            needed=needed,
+            allowed=MAX_BYTES,
+        )
 
 
 def rms(values: FloatArray) -> float:
