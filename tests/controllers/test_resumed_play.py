@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -158,6 +159,59 @@ def test_a_stop_before_a_contour_resumes_the_whole_contour():
     played, _ = continued(with_rejoin(job, REJOIN), before)
     (left,) = played.plan.objective.contours
     assert left.path.length == pytest.approx(whole.objective.contours[1].path.length)
+
+
+def lifted_job() -> ac.Job:
+    """Two lines in space, with a rapid that lifts the tool by 30 mm between them."""
+    job = parse_job(resuming.SPATIAL)
+    points = [(0.4, -0.05, 0.2), (0.4, -0.05, 0.23), (0.4, 0.05, 0.23), (0.4, 0.05, 0.2)]
+
+    def line(a: tuple[float, ...], b: tuple[float, ...]) -> ac.Path:
+        return ac.Path.polyline([a, b]).pointing([0, 0, -1])
+
+    moves = (
+        ac.Contour(line((0.45, -0.05, 0.2), points[0])),
+        *(ac.Rapid(line(a, b)) for a, b in itertools.pairwise(points)),
+        ac.Contour(line(points[-1], (0.45, 0.05, 0.2))),
+    )
+    return replace(job, path=ac.Program(moves=moves))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5])
+def test_a_robot_that_was_stopped_on_a_rapid_completes_it_with_its_lift(share):
+    job = lifted_job()
+    whole = resuming.plan_of(job).trajectory
+    first, last = (x.t for x in whole.contour_spans)
+    before = stopped(job, first[1] + share * (last[0] - first[1]) - 0.4)
+    place = before.record.plan_time[-1]
+    plan = before.plan.trajectory
+    end = plan.contour_spans[1].t[0]
+    assert plan.contour_spans[0].t[1] < place < end
+    played, arm = continued(job, before)
+    assert played.record.stopped is None
+    (way, _) = arm.motions
+    np.testing.assert_allclose(way.q[0], before.record.command[-1], atol=1e-12)
+    np.testing.assert_allclose(way.q[-1], played.motion.q[0], atol=1e-9)
+    # All joints are where the job's rapid has them.
+    rapid = plan(np.linspace(place, end, 4001))
+    distances = [np.abs(rapid - q).max(axis=1).min() for q in way.q[::10]]
+    assert max(distances) < 1.5e-3
+    assert job.arm.tool_position(way.q)[:, 2].max() > 0.2299
+
+
+def test_a_note_is_not_the_reason_of_a_stop():
+    """A set-point was late, and later the motion was stopped on request."""
+    job = parse_job(resuming.PLANAR)
+    late = "Set-points were computed too late 1 time."
+
+    class Late(Simulated):
+        def stream(self, *args):
+            return replace(super().stream(*args), notes=(late,))
+
+    machine = Late(late=False, cycle=CYCLE, acceleration=100.0)
+    played = play(job, machine, execute=True, override=1.0, stop_requested=After(0.8))
+    assert played.record.stopped is not None
+    assert played.reason == "stopped on request" and played.record.notes == (late,)
 
 
 def test_a_rest_that_is_stopped_again_is_continued():

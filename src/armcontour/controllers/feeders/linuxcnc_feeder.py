@@ -105,13 +105,7 @@ class LinuxCNCDevice:
 
     def connect(self) -> Row:
         """Load the HAL file, start threads, and command the measured position; drives are off."""
-        components = self.halcmd("list", "comp").split()
-        self.is_used = not all(x.startswith("halcmd") for x in components)
-        if self.is_used:
-            raise DeviceError(
-                "HAL is in use. End LinuxCNC first. If a program that was killed has left it, "
-                "`pkill rtapi_app` ends it"
-            )
+        self.refuse_used()
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.component["off"] = True
@@ -119,6 +113,33 @@ class LinuxCNCDevice:
         self.halcmd("start")
         self.held = self.hold()
         return self.held
+
+    def refuse_used(self) -> None:
+        """Raise DeviceError if HAL has components of other programs, and say which are running."""
+        # Each line has number, type, name, process and state; a real-time component has no process.
+        lines = [x.split() for x in self.halcmd("-s", "show", "comp").splitlines()]
+        names = [x[2] for x in lines if len(x) > 2]
+        self.is_used = not all(x.startswith("halcmd") for x in names)
+        if not self.is_used:
+            return
+        programs = [(x[2], x[3]) for x in lines if len(x) > 3 and x[1] == "User"]
+        running = [(x, pid) for x, pid in programs if os.path.exists(f"/proc/{pid}")]
+        for name, pid in running:
+            if name.startswith(COMPONENT):
+                raise DeviceError(
+                    "another armcontour command uses HAL and may be moving the robot (its feeder "
+                    f"is process {pid}). Wait until it has ended, or end it with q on its terminal"
+                )
+        if running:
+            name, pid = running[0]
+            raise DeviceError(
+                f"HAL is in use by {name} (process {pid}), which may be moving the robot. End "
+                "LinuxCNC there first"
+            )
+        raise DeviceError(
+            "a program that has ended has left HAL loaded. If the robot rests, unload HAL with "
+            f"`kill {real_time_process()}`"
+        )
 
     def hold(self) -> Row:
         """Command the measured position, and return it."""
@@ -407,6 +428,16 @@ class LinuxCNCDevice:
                     hal.disconnect(signal["DRIVER"])
             with suppress(DeviceError):
                 self.halcmd("sets", name, "0")
+
+
+def real_time_process() -> str:
+    """Return the number of the process that runs HAL's threads; its name if none is found."""
+    name = os.path.basename(REAL_TIME_PROGRAM)
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        with suppress(OSError), open(f"/proc/{pid}/comm") as file:
+            if file.read().strip().startswith(name):
+                return pid
+    return name
 
 
 if __name__ == "__main__":
