@@ -130,8 +130,8 @@ class PlayedMotion(Checked):
             or not recorded because of a failure; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
         deviated: Whether it was stopped because a joint left the band around its prediction.
-        cause: Why the motion was stopped, as sentences; empty if that was requested, or if it was not
-            stopped.
+        cause: Why the motion was stopped, as sentences; empty if that was requested, or if it was
+            not stopped.
         notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
     """
 

@@ -849,8 +849,8 @@ def _clear_path(
     clearance = clearance_of(job, path)
     if clearance is not None and not clearance.satisfied:
         raise ControllerRefused(
-            f"The {called} to the start is not possible: {clearance.sentence} Move the robot to the "
-            "start by other means."
+            f"The {called} to the start is not possible: {clearance.sentence} Move the robot to "
+            "the start by other means."
         )
     return path
 
