@@ -1,7 +1,7 @@
 """`unfinished_place`: where to resume a job from the record of a command that did not end.
 
-The record has no time of the plan, because the override may have changed. The plan's time is found
-from the measured joints: it never decreases, and goes on at most as fast as the clock.
+The record has no time of the plan, because the override may have changed. `match_plan` finds it
+from the measured joints.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ from armcontour.jobs.job import Job, choose_run
 from armcontour.jobs.stopped_place import StoppedPlace, find_stopped_place
 from armcontour.motion import Trajectory
 
-# The plan is compared with the record at these times [s].
-PLAN_STEP = 1e-3
-# A measured motion may be so much faster than its plan while it reaches it.
-FASTER = 2.0
-# Positions that differ by less are equal: the plan may rest there [rad].
-SAME_POSITION = 1e-6
+# Time between two compared samples, and between two times of the plan [s].
+STEP = 4e-3
+# The measured motion may advance by up to so many steps of the plan in one step: more than 1, so
+# that it can make up for a lag.
+ADVANCES = 3
+# Times of the plan that are compared at once [s]; the most probable one is in the middle.
+WINDOW = 2.0
 # The plan's time of so many last samples is refined, at so many times around it.
-REFINED_SAMPLES = 200
+REFINED_SAMPLES = 50
 REFINED_TIMES = 401
 
 
@@ -119,36 +120,61 @@ def unfinished_place(
             only=record.only,
             measured=record.measured[-1],
         )
-    measured = record.measured[begin:]
-    t = plan_times(planned.trajectory, record.t[begin:], measured)
+    t, measured = match_plan(planned.trajectory, record.t[begin:], record.measured[begin:])
     return find_stopped_place(played_job, planned, float(t[-1]), t, measured)
 
 
-def plan_times(plan: Trajectory, t: FloatArray, measured: FloatArray) -> FloatArray:
-    """Return the times of the plan at which joints were where they were measured [s], (n,).
+def match_plan(
+    plan: Trajectory, t: FloatArray, measured: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Match measured positions with a plan by dynamic time warping.
 
-    Each time is the nearest one from the time before on, by at most FASTER times the elapsed time.
+    The sum of the squared distances between the positions and the plan is least, where the plan's
+    time never decreases and increases by less than ADVANCES steps per step. Therefore places at
+    which the path crosses itself, or turns back, are not confused.
 
     Args:
         plan: The plan, which begins at the first sample.
         t: Times by the controller's clock [s], (n,).
         measured: Measured positions [rad], (n, dof).
+
+    Returns:
+        Times of the plan [s], (m,), and measured positions [rad], (m, dof), in steps until the last
+        sample.
     """
-    times = np.append(np.arange(0.0, plan.duration, PLAN_STEP), plan.duration)
+    times = np.append(np.arange(0.0, plan.duration, STEP), plan.duration)
     planned = plan(times)
-    indices: IntArray = np.zeros(len(t), dtype=int)
-    i = 0
-    steps = np.ceil(FASTER * np.diff(t, prepend=t[0]) / PLAN_STEP).astype(int) + 1
-    for sample, count in enumerate(steps.tolist()):
-        ahead = planned[i : i + count + 1]
-        distances = np.abs(ahead - measured[sample]).max(axis=1)
-        # If the plan rests, the last of these times.
-        i += int(np.flatnonzero(distances <= distances.min() + SAME_POSITION)[-1])
-        indices[sample] = i
+    clock = t[-1] - STEP * np.arange(int((t[-1] - t[0]) / STEP), -1, -1)
+    q = np.column_stack([np.interp(clock, t, x) for x in measured.T])
+    width = min(round(WINDOW / STEP), len(times))
+    # Least sums up to each time of the window, which begins at the index `first`.
+    sums = np.full(width, np.inf)
+    sums[0] = 0.0
+    first = 0
+    firsts: IntArray = np.zeros(len(q), dtype=int)
+    advances: IntArray = np.zeros((len(q), width), dtype=np.int8)
+    for k, position in enumerate(q):
+        shift = int(np.argmin(sums)) - width // 2
+        shift = min(max(shift, 0), len(times) - width - first)
+        sums = np.append(sums[shift:], np.full(shift, np.inf))
+        # `sums` of the step before, each for a number of steps by which the plan has advanced.
+        before = np.full((ADVANCES, width), np.inf)
+        for steps in range(ADVANCES):
+            before[steps, steps:] = sums[: width - steps]
+        first += shift
+        firsts[k] = first
+        advances[k] = before.argmin(axis=0)
+        distances = planned[first : first + width] - position
+        sums = before.min(axis=0) + np.einsum("nj,nj->n", distances, distances)
+    i = first + int(np.argmin(sums))
+    indices: IntArray = np.zeros(len(q), dtype=int)
+    for k in range(len(q) - 1, -1, -1):
+        indices[k] = i
+        i -= int(advances[k, i - firsts[k]])
     found = times[indices]
-    around = np.linspace(-PLAN_STEP, PLAN_STEP, REFINED_TIMES)
-    for sample in range(max(len(t) - REFINED_SAMPLES, 0), len(t)):
-        near = np.clip(found[sample] + around, 0.0, plan.duration)
-        distances = np.abs(plan(near) - measured[sample]).max(axis=1)
-        found[sample] = near[int(distances.argmin())]
-    return np.asarray(found)
+    around = np.linspace(-STEP, STEP, REFINED_TIMES)
+    for k in range(max(len(q) - REFINED_SAMPLES, 0), len(q)):
+        near = np.clip(found[k] + around, 0.0, plan.duration)
+        distances = np.abs(plan(near) - q[k])
+        found[k] = near[int(distances.max(axis=1).argmin())]
+    return np.asarray(found), q
