@@ -286,9 +286,9 @@ class RampOverride(Override):
         path = path_over_time(moving, 0.0, moving.duration, breaks)
         inner = breaks[(breaks > 0) & (breaks < moving.duration)]
         found = smooth_stop(inner, path, self.arm, limits)
-        if found is None or found.scaling is None:
+        if found is None:
             return None
-        return cruise.until(t).followed_by(_composed(part, found.scaling, t))
+        return cruise.until(t).followed_by(_composed(part, found, t))
 
 
 def _towards(rate: float, target: float, share: float) -> Callable[[float], float]:
