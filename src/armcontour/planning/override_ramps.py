@@ -19,7 +19,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import Trajectory
 from armcontour.motion.time_scaling import COEFFICIENTS, TimeScaling, on_piece
 from armcontour.planning.override import CycleOverride, Override, Pace
-from armcontour.planning.stop_in_play import (
+from armcontour.planning.smooth_stop import (
     REST_JOINT_SPEED,
     next_rest,
     path_over_time,
