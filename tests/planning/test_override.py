@@ -154,7 +154,7 @@ def test_every_motion_ends_at_rest_on_the_path(plans, name):
 
 
 def fastest_stop(plan: ac.Trajectory, t: float) -> float:
-    """Duration of the fastest stop within the limits of joint accelerations, without reserve [s]."""
+    """Duration of the fastest stop within the limits of accelerations, without reserve [s]."""
     limit = np.broadcast_to(plan.limits.joint_acceleration, plan.dof)
     step = 5e-4
     tau = t

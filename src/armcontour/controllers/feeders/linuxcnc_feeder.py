@@ -136,9 +136,12 @@ class LinuxCNCDevice:
                 f"HAL is in use by {name} (process {pid}), which may be moving the robot. End "
                 "LinuxCNC there first"
             )
+        pid = real_time_process()
+        if not pid:
+            raise DeviceError("HAL is being unloaded. Repeat the command")
         raise DeviceError(
-            "a program that has ended has left HAL loaded. If the robot rests, unload HAL with "
-            f"`kill {real_time_process()}`"
+            f"a program that has ended has left HAL loaded. If the robot rests, `kill {pid}` "
+            "unloads it"
         )
 
     def hold(self) -> Row:
@@ -431,13 +434,16 @@ class LinuxCNCDevice:
 
 
 def real_time_process() -> str:
-    """Return the number of the process that runs HAL's threads; its name if none is found."""
+    """Return the number of the process that runs HAL's threads; empty if none is found."""
     name = os.path.basename(REAL_TIME_PROGRAM)
+    # A process with other shared memory, such as that of simulated drives, has a HAL of its own.
+    memory = os.readlink("/proc/self/ns/ipc")
     for pid in filter(str.isdigit, os.listdir("/proc")):
         with suppress(OSError), open(f"/proc/{pid}/comm") as file:
-            if file.read().strip().startswith(name):
+            is_own = os.readlink(f"/proc/{pid}/ns/ipc") == memory
+            if is_own and file.read().strip().startswith(name):
                 return pid
-    return name
+    return ""
 
 
 if __name__ == "__main__":
