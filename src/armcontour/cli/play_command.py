@@ -22,7 +22,7 @@ from armcontour.cli.override_keys import HINT, OverrideKeys
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.controllers.path_back import check_configuration
-from armcontour.controllers.unfinished import unfinished_place
+from armcontour.controllers.unfinished import UnfinishedMotion, unfinished_place
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
 from armcontour.core.quantities import AngularDistance, Interval
@@ -63,10 +63,14 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
     band = read_option("--band", options.band, AngularDistance)
     learned = options.set_points
     is_learned = learned is not None
+    stop = read_stop(options)
     job = open_job(options.job, options, progress)
     name = options.run_name
     controller = controller_of(job, options)
-    stop = stopped_place(options, job, controller, progress)
+    if isinstance(stop, UnfinishedMotion):
+        stop = unfinished_place(
+            job, controller, stop, run_name=name, learned=is_learned, progress=progress
+        )
     if stop is not None:
         job = stop.resumed(job)
         name = name or stop.run
@@ -158,12 +162,8 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
     return lines
 
 
-def stopped_place(
-    options: Play, job: Job, controller: Controller, progress: ProgressDisplay
-) -> StoppedPlace | None:
-    """Return the stop that --resume names; None without it.
-
-    If the command of the motion did not end, the place is found in its record.
+def read_stop(options: Play) -> StoppedPlace | UnfinishedMotion | None:
+    """Return the stop that --resume names, or the record of a command that did not end.
 
     Raises:
         InvalidInput: --resume-at also states a place, or the folder has no stopped motion.
@@ -176,17 +176,7 @@ def stopped_place(
         or any(x.startswith("process.resume_at") for x in sets),
         "--resume and --resume-at both state where the job goes on. Remove one of them.",
     )
-    record = read_unfinished(options.resume)
-    if record is None:
-        return read_stopped_place(options.resume)
-    return unfinished_place(
-        job,
-        controller,
-        record,
-        run_name=options.run_name,
-        learned=options.set_points is not None,
-        progress=progress,
-    )
+    return read_unfinished(options.resume) or read_stopped_place(options.resume)
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:
