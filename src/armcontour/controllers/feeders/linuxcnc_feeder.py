@@ -32,6 +32,8 @@ HEARTBEAT_PERIOD = 0.02
 HEARTBEAT_TIMEOUT = 0.5
 # HAL must obey a changed pin within this time [s].
 PIN_TIMEOUT = 2.0
+# HAL of a command before is unloaded within this time [s].
+UNLOAD_TIMEOUT = 5.0
 # Timeout of the servo thread between motions: it counts as dead after this time without a sample
 # [s].
 REST_THREAD_TIMEOUT = 1.0
@@ -105,7 +107,11 @@ class LinuxCNCDevice:
 
     def connect(self) -> Row:
         """Load the HAL file, start threads, and command the measured position; drives are off."""
-        self.refuse_used()
+        end = time.monotonic() + UNLOAD_TIMEOUT
+        while self.is_unloading():
+            if time.monotonic() > end:
+                raise DeviceError("HAL of another program is still being unloaded. Try again later")
+            time.sleep(0.1)
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.component["off"] = True
@@ -114,14 +120,18 @@ class LinuxCNCDevice:
         self.held = self.hold()
         return self.held
 
-    def refuse_used(self) -> None:
-        """Raise DeviceError if HAL has components of other programs, and say which are running."""
+    def is_unloading(self) -> bool:
+        """Return whether the HAL of another program is just being unloaded; False if HAL is free.
+
+        Raises:
+            DeviceError: HAL is used by another program, or was left by one that has ended.
+        """
         # Each line has number, type, name, process and state; a real-time component has no process.
         lines = [x.split() for x in self.halcmd("-s", "show", "comp").splitlines()]
         names = [x[2] for x in lines if len(x) > 2]
         self.is_used = not all(x.startswith("halcmd") for x in names)
         if not self.is_used:
-            return
+            return False
         programs = [(x[2], x[3]) for x in lines if len(x) > 3 and x[1] == "User"]
         running = [(x, pid) for x, pid in programs if os.path.exists(f"/proc/{pid}")]
         for name, pid in running:
@@ -137,12 +147,12 @@ class LinuxCNCDevice:
                 "LinuxCNC there first"
             )
         pid = real_time_process()
-        if not pid:
-            raise DeviceError("HAL is being unloaded. Repeat the command")
-        raise DeviceError(
-            f"a program that has ended has left HAL loaded. If the robot rests, `kill {pid}` "
-            "unloads it"
-        )
+        if pid:
+            raise DeviceError(
+                f"a program that has ended has left HAL loaded. If the robot rests, `kill {pid}` "
+                "unloads it"
+            )
+        return True
 
     def hold(self) -> Row:
         """Command the measured position, and return it."""
