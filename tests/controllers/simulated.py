@@ -113,6 +113,7 @@ class Simulated(Controller):
             predicted=sent.predicted[:k],
             stopped=sent.stopped,
             deviated=bool(notes),
+            cause=" ".join(notes),
             notes=notes,
         )
 

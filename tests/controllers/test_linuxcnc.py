@@ -424,6 +424,36 @@ def play_own_file(folder, text):
     return json.loads(done.stdout)
 
 
+# Connects twice at the same time, and prints why the second connection is refused.
+TWICE = """
+import armcontour as ac
+from armcontour.controllers import LinuxCNC
+
+arm = ac.read_job("line.yaml").arm
+with LinuxCNC("machine.hal") as first:
+    first.connect(arm, [0.0, 0.0])
+    try:
+        LinuxCNC("machine.hal").connect(arm, [0.0, 0.0])
+    except ac.ArmContourError as error:
+        print(type(error).__name__, error)
+    # The first one is still connected.
+    print(len(first.position()))
+"""
+
+
+@needs_linuxcnc
+@needs_own_hal
+def test_a_second_player_is_told_that_the_first_one_runs(tmp_path):
+    (tmp_path / "line.yaml").write_text(LINE, encoding="utf-8")
+    (tmp_path / "machine.hal").write_text(HAL, encoding="utf-8")
+    words = [*APART, "-c", TWICE]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr
+    refused, count = done.stdout.splitlines()
+    assert refused.startswith("ControllerRefused") and count == "2"
+    assert "another armcontour command" in refused and "kill" not in refused
+
+
 @needs_linuxcnc
 @needs_own_hal
 def test_commands_of_the_guide_run_and_hal_errors_name_file_and_line(tmp_path):

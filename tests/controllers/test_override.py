@@ -71,12 +71,14 @@ def test_the_robot_stays_on_the_path_at_every_speed(text, cycle):
     changed = played(text, Profile(*values), cycle=cycle)
     assert changed.kept, changed.reason
     errors = [x.to_data()["contour_error.max"].value for x in (full, changed)]
-    # The largest error of the second one may be at a place where it is slower.
-    assert errors[1] <= errors[0] + 0.2e-6
+    # The largest error of the second one may be where it is slower, or at a change, which
+    # uses the limits of acceleration.
+    assert errors[1] <= errors[0] + 0.3e-6
     data = changed.to_data()
     assert data["override.paused"].value > 0.4
     assert data["played_time"].value > full.to_data()["played_time"].value + 1.2
-    assert 0 <= data["override.lowest"].value < 0.1
+    # Pauses and the changes to them are not a speed.
+    assert data["override.lowest"].value == pytest.approx(0.3, rel=1e-6)
     # The robot is where the plan is at its time.
     record = changed.record
     plan = changed.plan.trajectory

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +16,11 @@ from tests.controllers.test_stopped_place import CYCLE, REPEATED, After, squares
 
 import armcontour as ac
 from armcontour.cli import play_command
-from armcontour.controllers import ControllerRefused, Played, play
+from armcontour.controllers import ControllerRefused, Played, play, unfinished_place
 from armcontour.files import parse_job
-from armcontour.files.stop_file import read_stopped_place
+from armcontour.files.log_file import log_head
+from armcontour.files.stop_file import read_stopped_place, read_unfinished, unfinished_comment
+from armcontour.jobs.stopped_place import find_stopped_place
 
 # Largest distance of the tool from the path on the way back: that of a start tolerance [m].
 ON_PATH = 0.2e-3
@@ -160,6 +163,59 @@ def test_a_stop_before_a_contour_resumes_the_whole_contour():
     assert left.path.length == pytest.approx(whole.objective.contours[1].path.length)
 
 
+def lifted_job() -> ac.Job:
+    """Two lines in space, with a rapid that lifts the tool by 30 mm between them."""
+    job = parse_job(resuming.SPATIAL)
+    points = [(0.4, -0.05, 0.2), (0.4, -0.05, 0.23), (0.4, 0.05, 0.23), (0.4, 0.05, 0.2)]
+
+    def line(a: tuple[float, ...], b: tuple[float, ...]) -> ac.Path:
+        return ac.Path.polyline([a, b]).pointing([0, 0, -1])
+
+    moves = (
+        ac.Contour(line((0.45, -0.05, 0.2), points[0])),
+        *(ac.Rapid(line(a, b)) for a, b in itertools.pairwise(points)),
+        ac.Contour(line(points[-1], (0.45, 0.05, 0.2))),
+    )
+    return replace(job, path=ac.Program(moves=moves))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5])
+def test_a_robot_that_was_stopped_on_a_rapid_completes_it_with_its_lift(share):
+    job = lifted_job()
+    whole = resuming.plan_of(job).trajectory
+    first, last = (x.t for x in whole.contour_spans)
+    before = stopped(job, first[1] + share * (last[0] - first[1]) - 0.4)
+    place = before.record.plan_time[-1]
+    plan = before.plan.trajectory
+    end = plan.contour_spans[1].t[0]
+    assert plan.contour_spans[0].t[1] < place < end
+    played, arm = continued(job, before)
+    assert played.record.stopped is None
+    (way, _) = arm.motions
+    np.testing.assert_allclose(way.q[0], before.record.command[-1], atol=1e-12)
+    np.testing.assert_allclose(way.q[-1], played.motion.q[0], atol=1e-9)
+    # All joints are where the job's rapid has them.
+    rapid = plan(np.linspace(place, end, 4001))
+    distances = [np.abs(rapid - q).max(axis=1).min() for q in way.q[::10]]
+    assert max(distances) < 1.5e-3
+    assert job.arm.tool_position(way.q)[:, 2].max() > 0.2299
+
+
+def test_a_note_is_not_the_reason_of_a_stop():
+    """A set-point was late, and later the motion was stopped on request."""
+    job = parse_job(resuming.PLANAR)
+    late = "Set-points were computed too late 1 time."
+
+    class Late(Simulated):
+        def stream(self, *args):
+            return replace(super().stream(*args), notes=(late,))
+
+    machine = Late(late=False, cycle=CYCLE, acceleration=100.0)
+    played = play(job, machine, execute=True, override=1.0, stop_requested=After(0.8))
+    assert played.record.stopped is not None
+    assert played.reason == "stopped on request" and played.record.notes == (late,)
+
+
 def test_a_rest_that_is_stopped_again_is_continued():
     job = parse_job(resuming.PLANAR)
     first = stopped(job, 0.2)
@@ -205,6 +261,91 @@ def test_the_rest_of_chosen_contours_is_continued():
     tool = job.arm.tool_position(before.record.measured[-1])
     assert 0 <= float(left.path.project(tool[None]).s[0]) - REJOIN < REPEATED + 0.5e-3
     assert distances(left.path, job.arm.tool_position(arm.motions[0].q)).max() < 0.5e-3
+
+
+def killed(folder: Path, job: ac.Job, played: Played, t: float) -> int:
+    """Write the record that remains if `play` is killed some time after the begin [s].
+
+    The motion to the start is before it. Returns the number of its samples.
+    """
+    folder.mkdir()
+    record = played.record
+    count = round(t / CYCLE)
+    way = np.linspace(record.measured[0] + 0.05, record.measured[0], 100)
+    q = np.concatenate([way, record.measured[:1], record.measured[:count]])
+    cycles = np.concatenate([np.arange(100), [-1], np.arange(count)])
+    table = np.column_stack([CYCLE * np.arange(len(q)), q, q, cycles])
+    run = played.plan.run.name
+    head = log_head([unfinished_comment(job, run)], [False] * job.arm.dof) + ",cycle"
+    file = folder / "unfinished.csv"
+    np.savetxt(file, table, delimiter=",", fmt="%.9g", header=head, comments="")
+    # A feeder that was killed has not completed its last line.
+    file.write_text(file.read_text(encoding="utf-8") + "9.1,0.3", encoding="utf-8")
+    return count
+
+
+class Slower:
+    """An override that changes, with a pause."""
+
+    def __init__(self) -> None:
+        self.left = [1.0] * 6 + [0.0] * 9 + [0.4] * 8 + [0.9]
+
+    def __call__(self) -> float:
+        return self.left.pop(0) if len(self.left) > 1 else self.left[0]
+
+
+@pytest.mark.parametrize(
+    ("job", "t"),
+    [
+        (parse_job(resuming.PLANAR), 0.7),
+        (parse_job(resuming.PLANAR), 2.0),
+        (squares(), 3.9),
+        (resuming.resume(parse_job(resuming.SPATIAL), 0.06), 1.5),
+    ],
+)
+def test_the_place_of_a_command_that_was_killed_is_found_in_its_record(tmp_path, job, t):
+    played = play(job, robot(), execute=True, override=Slower())
+    count = killed(tmp_path / "killed", job, played, t)
+    whole = resuming.resume(job, 0.0)
+    place = unfinished_place(whole, robot(), read_unfinished(tmp_path / "killed"))
+    record = played.record
+    expected = find_stopped_place(
+        played.job,
+        played.plan,
+        float(record.plan_time[count - 1]),
+        record.plan_time[:count],
+        record.measured[:count],
+    )
+    assert place.words == expected.words
+    assert place.resume_at == pytest.approx(expected.resume_at, abs=20e-6)
+    np.testing.assert_allclose(place.measured, record.measured[count - 1], atol=1e-8)
+    assert place.resumed(whole).process.resume_at == place.resume_at
+
+
+def test_a_command_that_was_killed_before_its_motion_is_played_from_the_start(tmp_path):
+    job = parse_job(resuming.PLANAR)
+    played = play(job, robot(), execute=True, override=1.0)
+    killed(tmp_path / "killed", job, played, 0.0)
+    place = unfinished_place(job, robot(), read_unfinished(tmp_path / "killed"))
+    assert place.resume_at == 0.0 and "not begun" in place.words
+    with pytest.raises(ac.InvalidInput, match="other"):
+        unfinished_place(replace(job, name="other"), robot(), read_unfinished(tmp_path / "killed"))
+
+
+def test_the_command_resumes_after_it_was_killed(tmp_path, monkeypatch):
+    job = parse_job(resuming.PLANAR)
+    played = play(job, robot(), execute=True, override=1.0)
+    killed(tmp_path / "killed", job, played, 0.9)
+    terminal = Terminal(monkeypatch, tmp_path, resuming.PLANAR)
+    code, printed = terminal.play("--resume", "killed", "--execute", "--out", "rest")
+    assert code == 0, printed
+    place = unfinished_place(job, robot(), read_unfinished("killed"))
+    begun = job.arm.tool_position(terminal.arm.motions[-1].q[0])
+    (drawn,) = resuming.plan_of(job).objective.contours
+    np.testing.assert_allclose(begun, drawn.path(place.resume_at), atol=1e-6)
+    Path("killed/unfinished.csv").write_text("t,u1,q1\n", encoding="utf-8")
+    code, printed = terminal.play("--resume", "killed")
+    assert code == 2 and "unfinished.csv" in printed
 
 
 class Terminal:

@@ -447,9 +447,9 @@ class Play(JobOptions, ControllerOptions, Results, Json):
             at its largest speed. The band of a linear axis is always 2 mm and this distance.
         set_points: Learned set-points: set_points.csv of learn, or its folder. They belong to the
             --speed-factor with which they were learned, and start at 100 % of it.
-        resume: Folder of an earlier play of this job (--out) that was stopped: only the rest of the
-            job is played. The arm keeps its configuration. With --rejoin, or with leads, it first
-            moves back along the path.
+        resume: Folder of an earlier play of this job (--out) that was stopped or killed: only the
+            rest of the job is played. The arm keeps its configuration. With --rejoin, or with
+            leads, it first moves back along the path.
     """
 
     on: str = field()

@@ -22,6 +22,7 @@ from armcontour.cli.override_keys import HINT, OverrideKeys
 from armcontour.controllers import Controller, Franka, LinuxCNC, Played, Ur, player
 from armcontour.controllers.controller import UNFINISHED
 from armcontour.controllers.path_back import check_configuration
+from armcontour.controllers.unfinished import UnfinishedMotion, unfinished_place
 from armcontour.core.checks import check_choice, raise_if
 from armcontour.core.errors import ControllerLost, ControllerRefused, FileError, InvalidInput
 from armcontour.core.quantities import AngularDistance, Interval
@@ -31,7 +32,12 @@ from armcontour.files import ResultFolder
 from armcontour.files.limits_and_servo_files import read_servo
 from armcontour.files.log_file import log_head, log_text
 from armcontour.files.set_point_reader import read_set_points
-from armcontour.files.stop_file import LOG, read_stopped_place
+from armcontour.files.stop_file import (
+    LOG,
+    read_stopped_place,
+    read_unfinished,
+    unfinished_comment,
+)
 from armcontour.jobs import Job
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.stopped_place import StoppedPlace
@@ -55,15 +61,19 @@ def play(options: Play, folder: ResultFolder | None, progress: ProgressDisplay) 
         raise InvalidInput("--out also requires --execute, because only a motion has a log.")
     refuse_without_terminal(options)
     band = read_option("--band", options.band, AngularDistance)
-    stop = stopped_place(options)
+    learned = options.set_points
+    is_learned = learned is not None
+    stop = read_stop(options)
     job = open_job(options.job, options, progress)
     name = options.run_name
+    controller = controller_of(job, options)
+    if isinstance(stop, UnfinishedMotion):
+        stop = unfinished_place(
+            job, controller, stop, run_name=name, learned=is_learned, progress=progress
+        )
     if stop is not None:
         job = stop.resumed(job)
         name = name or stop.run
-    controller = controller_of(job, options)
-    learned = options.set_points
-    is_learned = learned is not None
     speed = player.start_override(choose_run(job, name, "played"), learned=is_learned)
     job, plan = player.plan_kept(job, controller, name, is_learned, speed, progress)
     if stop is not None:
@@ -108,7 +118,8 @@ def begin_record(controller: Controller, folder: ResultFolder | None, played: Pl
     """Let the feeder process write its record into the result folder, where it survives kills."""
     if folder is not None:
         arm = played.job.arm
-        comments = ("interpolation: linear", UNFINISHED_NOTE)
+        named = unfinished_comment(played.job, played.plan.run.name)
+        comments = ("interpolation: linear", named, UNFINISHED_NOTE)
         head = log_head(comments, arm.chain.prismatic or (False,) * arm.dof)
         controller.record_file = folder.begin_record(UNFINISHED, f"{head},cycle\n")
 
@@ -151,8 +162,8 @@ def write_log(folder: ResultFolder | None, played: Played) -> list[str]:
     return lines
 
 
-def stopped_place(options: Play) -> StoppedPlace | None:
-    """Return the stop that --resume names; None without it.
+def read_stop(options: Play) -> StoppedPlace | UnfinishedMotion | None:
+    """Return the stop that --resume names, or the record of a command that did not end.
 
     Raises:
         InvalidInput: --resume-at also states a place, or the folder has no stopped motion.
@@ -165,7 +176,7 @@ def stopped_place(options: Play) -> StoppedPlace | None:
         or any(x.startswith("process.resume_at") for x in sets),
         "--resume and --resume-at both state where the job goes on. Remove one of them.",
     )
-    return read_stopped_place(options.resume)
+    return read_unfinished(options.resume) or read_stopped_place(options.resume)
 
 
 def controller_of(job: Job, options: ControllerOptions) -> Controller:

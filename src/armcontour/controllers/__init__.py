@@ -11,6 +11,7 @@ _HOME = {
     "rolling_rows": "Chunk RollingRows",
     "robot_identification": "RobotIdentification identify_on",
     "robot_learning": "RobotLearning learn_on",
+    "unfinished": "UnfinishedMotion unfinished_place",
     "ur": "Ur",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

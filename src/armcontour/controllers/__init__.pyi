@@ -11,6 +11,8 @@ from armcontour.controllers.robot_learning import RobotLearning as RobotLearning
 from armcontour.controllers.robot_learning import learn_on as learn_on
 from armcontour.controllers.rolling_rows import Chunk as Chunk
 from armcontour.controllers.rolling_rows import RollingRows as RollingRows
+from armcontour.controllers.unfinished import UnfinishedMotion as UnfinishedMotion
+from armcontour.controllers.unfinished import unfinished_place as unfinished_place
 from armcontour.controllers.ur import Ur as Ur
 from armcontour.core.errors import ControllerLost as ControllerLost
 from armcontour.core.errors import ControllerRefused as ControllerRefused

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -40,9 +41,10 @@ READING_PERIOD = 5e-3
 SHOWN_PERIOD = 0.1
 # First estimate of the time for computing and sending a chunk [s], and its largest value.
 FIRST_LEAD = 0.03
-LONGEST_LEAD = 0.5
-# The lead time increases by this factor if a chunk comes too late.
-LEAD_INCREASE = 1.5
+LONGEST_LEAD = 2.0
+# The lead follows from the times of this number of last chunks, without the longest one: a single
+# halt of this machine does not delay the chunks after it.
+MEASURED_CHUNKS = 5
 # A chunk is replaced so long before its stop begins [s].
 CHUNK_MARGIN = 0.2
 # Time between two chunks if the wanted override changes continuously [s].
@@ -128,6 +130,8 @@ class PlayedMotion(Checked):
             or not recorded because of a failure; None if it was played to its end.
         faithful: Whether the controller used the set-points as they were sent, each in its cycle.
         deviated: Whether it was stopped because a joint left the band around its prediction.
+        cause: Why the motion was stopped, as sentences; empty if that was requested, or if it was
+            not stopped.
         notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
     """
 
@@ -139,6 +143,7 @@ class PlayedMotion(Checked):
     stopped: int | None = None
     faithful: bool = True
     deviated: bool = False
+    cause: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -280,7 +285,7 @@ class _ChunkSender(threading.Thread):
         chunk: The last chunk that the feeder has kept.
         braked: Number of chunks that came so late that the motion had begun to stop.
         error: Why no further chunk can be computed; empty without an error.
-        lead: Time that computing and sending a chunk takes at most [s].
+        lead: Time from the begin of computing a chunk to its first row [s].
     """
 
     chunk: Chunk
@@ -305,6 +310,7 @@ class _ChunkSender(threading.Thread):
         self.braked = 0
         self.error = ""
         self.lead = FIRST_LEAD
+        self._durations: deque[float] = deque(maxlen=MEASURED_CHUNKS)
         self._number = 0
         self._target = 0.0
         self._pauses_after = False
@@ -324,10 +330,11 @@ class _ChunkSender(threading.Thread):
         self._target = self._wanted()
         tried = self.rows.first(self._target)
         # The first call compiles functions.
+        self.rows.next(tried, len(tried.q) // 2, self._target)
         for _ in range(2):
             begin = time.monotonic()
             self.rows.next(tried, len(tried.q) // 2, self._target)
-        self._measure(begin)
+            self._measure(begin)
         ahead = self.ahead * self.cycle + self.lead
         if not self._send(self.rows.first(self._target, ahead)):
             raise ControllerLost(f"The feeder was lost: {self.channel.describe_failure()}")
@@ -391,13 +398,15 @@ class _ChunkSender(threading.Thread):
             self._target = target
             self._pauses_after = pause_after
             self._stop_sent = stopping
-        else:
-            self.lead = min(LEAD_INCREASE * self.lead, LONGEST_LEAD)
 
     def _measure(self, begin: float) -> None:
-        """Increase the lead to twice the time that the computation begun at `begin` [s] took."""
-        lead = 2 * (time.monotonic() - begin) + READING_PERIOD
-        self.lead = min(max(self.lead, lead), LONGEST_LEAD)
+        """Set the lead to twice the longest time of the last computations, but one.
+
+        - `begin`: time at which the last computation has begun [s].
+        """
+        self._durations.append(time.monotonic() - begin)
+        second = sorted(self._durations)[-2:][0]
+        self.lead = min(max(FIRST_LEAD, 2 * second + READING_PERIOD), LONGEST_LEAD)
 
     def _send(self, chunk: Chunk) -> bool:
         """Send a chunk; return whether the feeder has kept it."""
@@ -746,6 +755,7 @@ class Controller:
         deviations = np.abs(command - sent).max(axis=0, initial=0.0)
         deviation = float(deviations.max())
         notes = [*notes, *self._event_notes()]
+        cause = "" if stopped is None else " ".join(notes)
         braked = 0 if sender is None else sender.braked
         if braked:
             notes.append(
@@ -771,6 +781,7 @@ class Controller:
             predicted=predicted,
             stopped=stopped,
             faithful=is_faithful and deviation <= RECORDED_TOLERANCE,
+            cause=cause,
             notes=tuple(notes),
         )
 

@@ -1,7 +1,8 @@
-"""`path_back`: how a robot that stands on the path of a motion moves back to its start.
+"""`way_to_start`: how a robot that stands on the path of a job moves to the start of a motion.
 
-After a stop, a resumed motion with `process.rejoin` or with leads begins before the robot. On a
-straight line in joint space, the tool would leave the path, at a corner by much.
+After a stop, a resumed motion with `process.rejoin` or with leads begins before the robot, which
+moves back along the path. After a stop between two contours it begins after the robot, which
+completes the rapid. On a straight line in joint space, the tool would leave the path.
 """
 
 from __future__ import annotations
@@ -39,6 +40,15 @@ POWERS = range(6)
 REVERSED = np.array([[(-1.0) ** m * comb(k, m) for k in POWERS] for m in POWERS])
 
 
+def way_to_start(planned: RunResult, position: FloatArray, start: FloatArray) -> JointPath | None:
+    """Return the joint path to the start of a motion for a robot that stands on the job's path.
+
+    It is `path_back` or `rapid_ahead`; None if the robot stands elsewhere.
+    """
+    way = path_back(planned, position, start)
+    return rapid_ahead(planned, position, start) if way is None else way
+
+
 def path_back(planned: RunResult, position: FloatArray, start: FloatArray) -> JointPath | None:
     """Return the joint path from a position on the path back to the start of a motion.
 
@@ -50,14 +60,8 @@ def path_back(planned: RunResult, position: FloatArray, start: FloatArray) -> Jo
         position: Joint positions of the robot [rad], (dof,).
         start: The first set-point [rad], (dof,).
     """
-    arm = planned.arm
-    tolerance = per_joint(arm, START_TOLERANCE, START_TOLERANCE_LINEAR, arm.dof)
     parts = _beginning(planned)
-    best = (np.inf, 0, 0.0)
-    for i, part in enumerate(parts):
-        ratio, s = _nearest(part, position, tolerance)
-        best = min(best, (ratio, i, s))
-    ratio, i, s = best
+    ratio, i, s = _nearest_part(planned, parts, position)
     if ratio > 1.0:
         return None
     passed = parts[:i]
@@ -66,6 +70,37 @@ def path_back(planned: RunResult, position: FloatArray, start: FloatArray) -> Jo
     if not passed:
         return None
     return _with_ends(_joined([_reversed(x) for x in reversed(passed)]), position, start)
+
+
+def rapid_ahead(planned: RunResult, position: FloatArray, start: FloatArray) -> JointPath | None:
+    """Return the rest of the job's rapid to the contour with which a resumed motion begins.
+
+    A straight line in joint space would leave out the rapid's lift. None if the robot is not on
+    this rapid, or if the motion begins elsewhere than at its end.
+
+    Args:
+        planned: The plan of the resumed motion.
+        position: Joint positions of the robot [rad], (dof,).
+        start: The first set-point [rad], (dof,).
+    """
+    resumption = planned.resumption
+    whole = None if resumption is None else resumption.whole
+    if whole is None or not whole.rapid:
+        return None
+    parts = list(whole.rapid)
+    end = parts[-1](parts[-1].breaks[-1])
+    if (np.abs(end - start) > _tolerance(planned)).any():
+        return None
+    ratio, i, s = _nearest_part(planned, parts, position)
+    if ratio > 1.0:
+        return None
+    left = parts[i + 1 :]
+    length = float(parts[i].breaks[-1]) - s
+    if length > 0.0:
+        left.insert(0, _reversed(_until(_reversed(parts[i]), length)))
+    if not left:
+        return None
+    return _with_ends(_joined(left), position, start)
 
 
 def check_configuration(planned: RunResult, stop: StoppedPlace) -> None:
@@ -125,6 +160,26 @@ def _beginning(planned: RunResult) -> list[JointPath]:
             break
         parts.append(step.joint_path)
     return parts
+
+
+def _tolerance(planned: RunResult) -> FloatArray:
+    """Return the distance from a place within which a robot stands there [rad], (dof,)."""
+    arm = planned.arm
+    return per_joint(arm, START_TOLERANCE, START_TOLERANCE_LINEAR, arm.dof)
+
+
+def _nearest_part(
+    planned: RunResult, parts: list[JointPath], position: FloatArray
+) -> tuple[float, int, float]:
+    """Find the place that is nearest to a position; return the ratio, the part's index, and s.
+
+    The ratio is the largest distance of a joint, divided by its tolerance.
+    """
+    best = (np.inf, 0, 0.0)
+    for i, part in enumerate(parts):
+        ratio, s = _nearest(part, position, _tolerance(planned))
+        best = min(best, (ratio, i, s))
+    return best
 
 
 def _nearest(path: JointPath, position: FloatArray, tolerance: FloatArray) -> tuple[float, float]:

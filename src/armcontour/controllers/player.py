@@ -17,7 +17,7 @@ from armcontour.controllers.controller import (
     PlayedMotion,
     per_joint,
 )
-from armcontour.controllers.path_back import check_configuration, path_back
+from armcontour.controllers.path_back import check_configuration, way_to_start
 from armcontour.controllers.rolling_rows import (
     SAME_PLAN_TIME,
     Prediction,
@@ -95,6 +95,8 @@ SAME_PLAN = 1e-9
 SAMPLE_SEPARATION = 1e-9
 # The motion pauses while the plan's time goes on more slowly than this.
 PAUSED_RATE = 1e-6
+# The speed is steady while its share changes by less than this from sample to sample.
+STEADY_RATE = 1e-6
 # Maximum number of outputs that a sentence names.
 MAX_OUTPUTS = 6
 # Maximum number of attempts to play a motion that late set-points disturb.
@@ -282,9 +284,12 @@ class Played(Result):
         is_paused = rate <= PAUSED_RATE
         paused = float(np.diff(record.t)[is_paused].sum())
         yield Row("played_time", float(record.t[-1]), "s", "time on the robot")
-        if (~is_paused).any():
-            lowest = float(rate[~is_paused].min())
-            yield Row("override.lowest", min(lowest, 1.0), "1", "lowest speed, without pauses")
+        # While the speed changes, as before a pause, it is not one that was wanted.
+        is_steady = np.abs(np.diff(rate, prepend=np.nan, append=np.nan)) < STEADY_RATE
+        is_steady = is_steady[:-1] & is_steady[1:] & ~is_paused
+        if is_steady.any():
+            lowest = float(rate[is_steady].min())
+            yield Row("override.lowest", min(lowest, 1.0), "1", "lowest speed, without changes")
         yield Row("override.paused", paused, "s", "paused")
 
     def to_data(self) -> Data:
@@ -346,7 +351,8 @@ def play(
     the same positions more slowly, by changes that use half of the reserve, and the set-points are
     compensated anew. A pause and a stop end at rest on the path, also if this process fails. The
     robot moves to the start on a straight line in joint space, at most at 10 % of its speed; a
-    robot that has stopped on the path moves back along it. No output is switched. The result
+    robot that has stopped on the path moves back along it, and one that has stopped on a rapid
+    completes it. No output is switched. The result
     compares the measured motion with the simulation.
 
     >>> from armcontour.controllers import LinuxCNC
@@ -665,10 +671,10 @@ class Player:
         """Plan the motion from a position to the first set-point."""
         limits = ready.plan.run.limits
         start = ready.motion.q[0]
-        back = path_back(ready.plan, position, start)
+        way = way_to_start(ready.plan, position, start)
         # A motion that begins with a pause has no speed yet.
         factor = min(DEFAULT_SPEED_FACTOR, ready.speed_factor or DEFAULT_SPEED_FACTOR)
-        return approach_of(ready.job, limits, position, start, factor, back)
+        return approach_of(ready.job, limits, position, start, factor, way)
 
     def _move_to_start(self, ready: Played) -> None:
         """Move in joint space to the first set-point, again if set-points were late."""
@@ -762,7 +768,9 @@ def lost_motion(played: Played, lost: ControllerLost) -> Played:
     if not isinstance(record, PlayedMotion) or len(record.t) < FEWEST:
         return played
     note = f"This log is incomplete: {lost}"
-    return replace(played, record=replace(record, faithful=False, notes=(note, *record.notes)))
+    notes = (note, *record.notes)
+    cause = " ".join([note, record.cause]).strip()
+    return replace(played, record=replace(record, faithful=False, cause=cause, notes=notes))
 
 
 def is_at_start(arm: Arm, distances: FloatArray) -> bool:
@@ -798,7 +806,7 @@ def _measure_distances(ready: Played, position: FloatArray) -> FloatArray:
             needed=float(position[j]),
         )
     if not is_at_start(arm, distance):
-        _clear_path(ready.job, position, start, path_back(ready.plan, position, start))
+        _clear_path(ready.job, position, start, way_to_start(ready.plan, position, start))
     return np.asarray(distance)
 
 
@@ -808,41 +816,41 @@ def approach_of(
     position: FloatArray,
     start: FloatArray,
     speed_factor: float,
-    back: JointPath | None = None,
+    way: JointPath | None = None,
 ) -> Trajectory:
     """Plan the motion to the first set-point, at a fraction of full speed.
 
-    - `back`: the way along the path of the motion, at the assigned velocity at most; by default a
+    - `way`: the way along the path of the job, at the assigned velocity at most; by default a
       straight line in joint space.
 
     Raises:
         ControllerRefused: The arm would come too near to itself or its cell.
     """
-    path = _clear_path(job, position, start, back)
+    path = _clear_path(job, position, start, way)
     constraints: tuple[RapidSpeed, ...] = ()
-    if back is not None and limits.speed is not None:
+    if way is not None and limits.speed is not None:
         constraints = (RapidSpeed(limits.speed, job.arm),)
     options = Optimal(reserve=PLAYED_RESERVE, constraints=constraints)
     return at_speed(plan(path, job.arm, limits.of_joints, options), speed_factor)
 
 
 def _clear_path(
-    job: Job, position: FloatArray, start: FloatArray, back: JointPath | None
+    job: Job, position: FloatArray, start: FloatArray, way: JointPath | None
 ) -> JointPath:
     """Return the way to the start; refuse it if the arm comes too near to something.
 
-    - `back`: the way along the path of the motion; None for the straight line in joint space.
+    - `way`: the way along the path of the job; None for the straight line in joint space.
     """
-    path = back
-    way = "motion back along the path"
+    path = way
+    called = "motion along the path"
     if path is None:
         path = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
-        way = "straight motion in joint space"
+        called = "straight motion in joint space"
     clearance = clearance_of(job, path)
     if clearance is not None and not clearance.satisfied:
         raise ControllerRefused(
-            f"The {way} to the start is not possible: {clearance.sentence} Move the robot to the "
-            "start by other means."
+            f"The {called} to the start is not possible: {clearance.sentence} Move the robot to "
+            "the start by other means."
         )
     return path
 
@@ -916,7 +924,7 @@ def judge_motion(played: Played, band: float | None) -> Played:
     difference = _Difference.of_motion(played, record, band)
     rows = difference.rows()
     kept = False
-    reason = " ".join(record.notes) or "stopped on request"
+    reason = record.cause or "stopped on request"
     if record.stopped is None:
         # During a pause, the time of the plan stands still.
         t = record.plan_time + SAMPLE_SEPARATION * record.t

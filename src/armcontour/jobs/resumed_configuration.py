@@ -15,6 +15,7 @@ from armcontour.core.render import number
 from armcontour.core.text import list_some
 from armcontour.geometry import ShapedPath
 from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.motion import JointPath
 from armcontour.planning import Tracing
 from armcontour.planning.program_tracing import TracedWhole
 from armcontour.program import Contour, Event, Process, Program
@@ -174,13 +175,23 @@ class ResumedPlace:
         paths = {x.move: x.joint_path for x in tracing.steps if x.joint_path is not None}
         joint_path = paths[index]
         s = min(s, joint_path.length)
+        rapid = list[JointPath]()
+        for step in tracing.steps:
+            if step.move == index:
+                break
+            if tracing.is_contour(step):
+                rapid = []
+            elif step.joint_path is not None:
+                rapid.append(step.joint_path)
         if self.chosen is not None:
             contours = tracing.program.contours
             chosen = tuple(
                 TracedWhole(joint_path=paths[indices[k]], s=contours[k].at_work[0], later={})
                 for k in self.chosen
             )
-            return TracedWhole(joint_path=joint_path, s=s, later={}, chosen=chosen)
+            return TracedWhole(
+                joint_path=joint_path, s=s, later={}, chosen=chosen, rapid=tuple(rapid)
+            )
         # The cut removes moves from the start, so that later moves are counted from the end.
         later = {len(moves) - i: x for i, x in paths.items() if i is not None and i > index}
-        return TracedWhole(joint_path=joint_path, s=s, later=later)
+        return TracedWhole(joint_path=joint_path, s=s, later=later, rapid=tuple(rapid))

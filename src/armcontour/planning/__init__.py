@@ -3,7 +3,6 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "stop_in_play": "stop",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
     "optimal_timing": "FASTEST Optimal intervals_of",
     "timing_options": "PlanOptions",

@@ -14,5 +14,4 @@ from armcontour.planning.program_tracing import trace_program as trace_program
 from armcontour.planning.program_tracing import turn_along as turn_along
 from armcontour.planning.shaping import Shaped as Shaped
 from armcontour.planning.shaping import shape as shape
-from armcontour.planning.stop_in_play import stop as stop
 from armcontour.planning.timing_options import PlanOptions as PlanOptions

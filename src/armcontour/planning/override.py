@@ -31,7 +31,7 @@ from armcontour.planning.override_kernel import (
     follow_override,
 )
 from armcontour.planning.path_grid import Grid
-from armcontour.planning.stop_in_play import path_over_time
+from armcontour.planning.smooth_stop import path_over_time
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import reduce_limits

@@ -126,9 +126,12 @@ def follow_override(
             return k
         while i < len(table.tau) - 2 and table.tau[i + 1] <= tau:
             i += 1
-        slope = (target - rate) / cycle
-        fastest = max(rate, target) if slope > 0.0 else rate
-        low, high = slope_range(table, i, tau + fastest * cycle, rate, target)
+        # The limits at the rate at the start bound the rate at the end of the cycle. Those at both
+        # rates also hold for a slope that changes the rate less.
+        low, high = slope_range(table, i, tau + rate * cycle, rate, rate)
+        slope = min(max((target - rate) / cycle, low), high)
+        end_rate = rate + slope * cycle
+        low, high = slope_range(table, i, tau + max(rate, end_rate) * cycle, rate, end_rate)
         slope = min(max(slope, low), high)
         result[k, TIME] = tau
         result[k, RATE] = rate

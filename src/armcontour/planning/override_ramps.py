@@ -1,12 +1,16 @@
 """Override of plans with limits of jerk: the rate changes by smooth ramps.
 
 With limits of jerk, the rate of a plan cannot be kept from a time on at which it changes. Therefore
-a change is one ramp, which is checked as a whole: the shortest one within the limits is found by
-bisection. A stop is that of `stop`.
+a change is a ramp, which is checked as a whole: the shortest one within the limits is found by
+bisection. If the ramp to the target is long, ramps to rates between are compared with it. The next
+change continues from there, also during a ramp or a stop. The speed of a stop in joint space is a
+cubic polynomial (`smooth_stop`).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +19,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import Trajectory
 from armcontour.motion.time_scaling import COEFFICIENTS, TimeScaling, on_piece
 from armcontour.planning.override import CycleOverride, Override, Pace
-from armcontour.planning.stop_in_play import (
+from armcontour.planning.smooth_stop import (
     REST_JOINT_SPEED,
     next_rest,
     path_over_time,
@@ -29,6 +33,12 @@ SHORTEST_RAMP = 0.02
 LONGEST_RAMP = 4.0
 # Number of bisections of the duration of a ramp.
 BISECTIONS = 5
+# Rates that are tried if a ramp to the target takes longer than SHORT_RAMP [s], as shares of the
+# change to the target.
+RAMP_SHARES = (1.0, 0.95, 0.85, 0.7, 0.5, 0.35, 0.2, 0.1)
+SHORT_RAMP = 0.1
+# Ramps are compared over the way at the faster of both rates in this time [s].
+COMPARED_TIME = 0.3
 # Number of times at which a ramp is checked first, and time between those of the second check [s].
 FEW_CHECKS = 40
 CHECK_INTERVAL = 2e-3
@@ -52,11 +62,9 @@ class RampedPace(Pace):
     Args:
         cruise: Time of the plan without the stop: after the last ramp the rate is constant until
             the end of the plan.
-        steady_from: Time at which the last ramp ends [s].
     """
 
     cruise: TimeScaling
-    steady_from: float
 
 
 class RampOverride(Override):
@@ -76,33 +84,29 @@ class RampOverride(Override):
             return self._resting(rest)
         # At rest, the rate can have any value.
         cruise = self._steady(0.0, 0.0, target)
-        return self._with_stop(cruise, 0.0, RAMP_TIME_AT_TARGET + delay)
+        return self._with_stop(cruise, RAMP_TIME_AT_TARGET + delay)
 
     def change(self, pace: Pace, t: float, target: float) -> Pace:
         """Continue a motion from a time on, as `Override.change` does."""
         assert isinstance(pace, RampedPace)
         if pace.is_complete and t >= pace.brake_time:
             return pace
-        cruise = pace.cruise
-        steady_from = pace.steady_from
         if t > pace.brake_time:
-            # The stop at the end has begun. Only at its end, the rate can change again.
-            t = max(t, pace.scaling.end)
-            cruise = pace.scaling.until(t)
-            steady_from = t
-        if target == 0.0:
-            if cruise.state_at(t).rate < SAME_RATE:
-                return self._resting(cruise.until(t))
-            return self._with_stop(cruise, steady_from, t)
-        begin = max(t, steady_from)
-        # A ramp can end at the end of the plan, after which none can follow.
-        if begin < cruise.end or steady_from == t:
-            ramped = self._ramp(cruise.until(begin), target)
-            if ramped is None and cruise.state_at(begin).rate < SAME_RATE:
-                return self._resting(cruise.until(begin))
-            if ramped is not None:
-                cruise, steady_from = ramped
-        return self._with_stop(cruise, steady_from, t + RAMP_TIME_AT_TARGET)
+            return self._after_stop(pace, t, target)
+        cruise = pace.cruise
+        if target > 0.0:
+            cruise = self._ramp(cruise.until(t), target, cruise) or cruise
+            t += RAMP_TIME_AT_TARGET
+        return self._with_stop(cruise, t)
+
+    def _after_stop(self, pace: RampedPace, t: float, target: float) -> RampedPace:
+        """Continue a motion whose stop has begun: from a time on [s], or else from the rest."""
+        end = pace.scaling.end
+        for begin in (t, max(t, end)):
+            cruise = self._ramp(pace.scaling.until(begin), target) if target > 0.0 else None
+            if cruise is not None:
+                return self._with_stop(cruise, begin + RAMP_TIME_AT_TARGET)
+        return pace if t < end else self._resting(pace.scaling.until(t))
 
     def _resting(self, scaling: TimeScaling) -> RampedPace:
         """Return a motion that has ended at rest."""
@@ -111,7 +115,6 @@ class RampOverride(Override):
             scaling=scaling,
             cruise=scaling,
             brake_time=end,
-            steady_from=end,
             is_complete=self._complete(float(scaling(end))),
         )
 
@@ -122,52 +125,96 @@ class RampOverride(Override):
         end = t + (self.plan.duration - tau) / rate
         return TimeScaling(breaks=np.array([t, end]), coefficients=coefficients)
 
-    def _ramp(self, kept: TimeScaling, target: float) -> tuple[TimeScaling, float] | None:
-        """Append the shortest ramp to a target, and the constant rate after it, to a motion.
+    def _ramp(
+        self, kept: TimeScaling, target: float, cruise: TimeScaling | None = None
+    ) -> TimeScaling | None:
+        """Append the best ramp towards a target, and the constant rate after it, to a motion.
 
-        Returns the motion and the end of the ramp [s]; None if no ramp is within the limits.
+        If the target itself takes a long ramp, rates between are tried, too. The best ramp is
+        nearest to the target on average: its motion comes earliest to a place of the plan if the
+        rate increases, and latest if it decreases. None if no ramp is within the limits.
+
+        - `cruise`: the motion so far, which is kept if no ramp is better.
         """
         state = kept.state_at(kept.end)
-        if abs(state.rate - target) < SAME_RATE:
-            return (kept.followed_by(self._steady(kept.end, state.tau, state.rate)), kept.end)
+        slope = float(kept(kept.end, 2))
+        if abs(state.rate - target) < SAME_RATE and abs(slope) < SAME_RATE:
+            return kept.followed_by(self._steady(kept.end, state.tau, state.rate))
         if state.rate < SAME_RATE and self._plan_rests(state.tau):
             # After a pause at a rest of the plan, the rate can have any value, as at the start.
-            return (kept.followed_by(self._steady(kept.end, state.tau, target)), kept.end)
-        duration = SHORTEST_RAMP
-        found = None
-        while found is None and duration <= LONGEST_RAMP:
-            found = self._ramp_in(kept, target, duration)
-            duration = 2 * duration
-        if found is None:
-            return None
-        high = duration / 2
+            return kept.followed_by(self._steady(kept.end, state.tau, target))
+        way = COMPARED_TIME * max(state.rate, target)
+        place = np.array([min(state.tau + way, self.plan.duration)])
+        sign = 1.0 if target > state.rate else -1.0
+        best = cruise
+        arrival = math.inf if cruise is None else sign * float(cruise.times_of(place)[0])
+        longest = LONGEST_RAMP
+        rates = [_towards(state.rate, target, share) for share in RAMP_SHARES]
+        if sign * slope < 0.0:
+            # With a constant second derivative of the rate, its change ends soonest.
+            rates.append(lambda duration: state.rate + slope * duration / 2)
+        for rate_after in rates:
+            found = self._shortest_ramp(kept, rate_after, longest)
+            if found is None:
+                continue
+            motion, longest = found
+            reached = sign * float(motion.times_of(place)[0])
+            if reached < arrival:
+                best = motion
+                arrival = reached
+            if longest < SHORT_RAMP:
+                break
+        return best
+
+    def _shortest_ramp(
+        self, kept: TimeScaling, rate_after: Callable[[float], float], longest: float
+    ) -> tuple[TimeScaling, float] | None:
+        """Append the shortest ramp that is found, and the constant rate after it, to a motion.
+
+        Returns the motion and the duration of the ramp [s]; None if no ramp is within the limits.
+
+        - `rate_after`: returns the rate at the end of a ramp of some duration [s].
+        - `longest`: the longest duration that is tried [s].
+        """
+        high = SHORTEST_RAMP
+        found = self._ramp_in(kept, rate_after(high), high)
+        while found is None:
+            high *= 2
+            if high > longest:
+                return None
+            found = self._ramp_in(kept, rate_after(high), high)
         low = high / 2
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            shorter = self._ramp_in(kept, target, middle)
+            shorter = self._ramp_in(kept, rate_after(middle), middle)
             if shorter is None:
                 low = middle
             else:
                 high = middle
                 found = shorter
-        return found
+        return found, high
 
     def _plan_rests(self, tau: float) -> bool:
         """Return whether the plan is at rest at one of its times [s]."""
         return bool(np.abs(self.plan(tau, 1)).max() < REST_JOINT_SPEED)
 
-    def _ramp_in(
-        self, kept: TimeScaling, target: float, duration: float
-    ) -> tuple[TimeScaling, float] | None:
-        """Return the motion with a ramp of some duration [s]; None if a limit is exceeded."""
+    def _ramp_in(self, kept: TimeScaling, target: float, duration: float) -> TimeScaling | None:
+        """Return the motion with a ramp of some duration [s]; None if a limit is exceeded.
+
+        The rate is the cubic r + u t + a t² + b t³ with the rate r and the slope u at the end of
+        `kept`, the rate `target` and the slope 0 at the end of the ramp.
+        """
         state = kept.state_at(kept.end)
+        slope = float(kept(kept.end, 2))
         change = target - state.rate
-        ramp = np.zeros((1, COEFFICIENTS))
-        ramp[0, :2] = (state.tau, state.rate)
-        # The rate is that of the cubic with slope 0 at both ends.
-        ramp[0, 3:5] = (change / duration**2, -change / (2 * duration**3))
+        square = (3 * change - 2 * slope * duration) / duration**2
+        cube = (slope * duration - 2 * change) / duration**3
+        ramp = np.array([[state.tau, state.rate, slope / 2, square / 3, cube / 4, 0.0]])
         end = kept.end + duration
         piece = TimeScaling(breaks=np.array([kept.end, end]), coefficients=ramp)
+        rates = piece(np.linspace(kept.end, end, FEW_CHECKS), 1)
+        if rates.min() < 0.0 or rates.max() > 1.0 + SAME_RATE:
+            return None
         reached = float(piece(end))
         motion = kept.followed_by(piece)
         if reached < self.plan.duration:
@@ -175,8 +222,7 @@ class RampOverride(Override):
         else:
             end = float(motion.times_of(np.array([self.plan.duration]))[0])
             motion = motion.until(end)
-        checked = motion.until(end).since(kept.end)
-        return (motion, end) if self._is_within(checked) else None
+        return motion if self._is_within(motion.until(end).since(kept.end)) else None
 
     def _is_within(self, scaling: TimeScaling) -> bool:
         """Return whether a part of the motion is within the limits."""
@@ -198,10 +244,10 @@ class RampOverride(Override):
         passed = scaling.times_of(planned[(planned > begin) & (planned < end)])
         return np.unique(np.concatenate([scaling.breaks, passed]))
 
-    def _with_stop(self, cruise: TimeScaling, steady_from: float, t: float) -> RampedPace:
+    def _with_stop(self, cruise: TimeScaling, t: float) -> RampedPace:
         """Return a motion that stops from a time on [s], or at the end of the plan before."""
         if t >= cruise.end:
-            return self._pace(cruise, cruise, steady_from, cruise.end)
+            return self._pace(cruise, cruise, cruise.end)
         rest = next_rest(self.plan, float(cruise(t)))
         rest_time = float(cruise.times_of(np.array([rest]))[0])
         full = self.plan.limits_for(None)
@@ -216,20 +262,17 @@ class RampOverride(Override):
                 continue
             stopped = self._stop_within(cruise, begin, min(begin + horizon, rest_time), limits)
             if stopped is not None and stopped.end < rest_time:
-                return self._pace(stopped, cruise, steady_from, begin)
+                return self._pace(stopped, cruise, begin)
         # The plan itself rests before any stop.
-        return self._pace(cruise.until(rest_time), cruise, steady_from, rest_time)
+        return self._pace(cruise.until(rest_time), cruise, rest_time)
 
-    def _pace(
-        self, scaling: TimeScaling, cruise: TimeScaling, steady_from: float, brake_time: float
-    ) -> RampedPace:
+    def _pace(self, scaling: TimeScaling, cruise: TimeScaling, brake_time: float) -> RampedPace:
         """Return the motion with a stop that begins at `brake_time` [s]."""
         is_complete = self._complete(float(scaling(scaling.end)))
         return RampedPace(
             scaling=scaling,
             cruise=cruise,
             brake_time=brake_time,
-            steady_from=steady_from,
             is_complete=is_complete,
         )
 
@@ -243,9 +286,14 @@ class RampOverride(Override):
         path = path_over_time(moving, 0.0, moving.duration, breaks)
         inner = breaks[(breaks > 0) & (breaks < moving.duration)]
         found = smooth_stop(inner, path, self.arm, limits)
-        if found is None or found.scaling is None:
+        if found is None:
             return None
-        return cruise.until(t).followed_by(_composed(part, found.scaling, t))
+        return cruise.until(t).followed_by(_composed(part, found, t))
+
+
+def _towards(rate: float, target: float, share: float) -> Callable[[float], float]:
+    """Return the rate after a share of the change to a target, for ramps of every duration."""
+    return lambda duration: rate + share * (target - rate)
 
 
 def _composed(outer: TimeScaling, inner: TimeScaling, begin: float) -> TimeScaling:

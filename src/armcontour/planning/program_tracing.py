@@ -119,12 +119,14 @@ class TracedWhole:
             the last move has the number 1.
         chosen: The later contours of the program, if it leaves out contours of the whole program;
             they are all traced as in the whole program.
+        rapid: Joint paths from the contour before to this contour, in order.
     """
 
     joint_path: JointPath
     s: float
     later: Mapping[int, JointPath]
     chosen: tuple[TracedWhole, ...] = ()
+    rapid: tuple[JointPath, ...] = ()
 
     @property
     def q(self) -> FloatArray:

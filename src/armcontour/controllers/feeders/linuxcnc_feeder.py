@@ -32,6 +32,8 @@ HEARTBEAT_PERIOD = 0.02
 HEARTBEAT_TIMEOUT = 0.5
 # HAL must obey a changed pin within this time [s].
 PIN_TIMEOUT = 2.0
+# HAL of a command before is unloaded within this time [s].
+UNLOAD_TIMEOUT = 5.0
 # Timeout of the servo thread between motions: it counts as dead after this time without a sample
 # [s].
 REST_THREAD_TIMEOUT = 1.0
@@ -105,13 +107,11 @@ class LinuxCNCDevice:
 
     def connect(self) -> Row:
         """Load the HAL file, start threads, and command the measured position; drives are off."""
-        components = self.halcmd("list", "comp").split()
-        self.is_used = not all(x.startswith("halcmd") for x in components)
-        if self.is_used:
-            raise DeviceError(
-                "HAL is in use. End LinuxCNC first. If a program that was killed has left it, "
-                "`pkill rtapi_app` ends it"
-            )
+        end = time.monotonic() + UNLOAD_TIMEOUT
+        while self.is_unloading():
+            if time.monotonic() > end:
+                raise DeviceError("HAL of another program is still being unloaded. Try again later")
+            time.sleep(0.1)
         self.halcmd("-f", self.file)
         self.attach(COMPONENT)
         self.component["off"] = True
@@ -119,6 +119,40 @@ class LinuxCNCDevice:
         self.halcmd("start")
         self.held = self.hold()
         return self.held
+
+    def is_unloading(self) -> bool:
+        """Return whether the HAL of another program is just being unloaded; False if HAL is free.
+
+        Raises:
+            DeviceError: HAL is used by another program, or was left by one that has ended.
+        """
+        # Each line has number, type, name, process and state; a real-time component has no process.
+        lines = [x.split() for x in self.halcmd("-s", "show", "comp").splitlines()]
+        names = [x[2] for x in lines if len(x) > 2]
+        self.is_used = not all(x.startswith("halcmd") for x in names)
+        if not self.is_used:
+            return False
+        programs = [(x[2], x[3]) for x in lines if len(x) > 3 and x[1] == "User"]
+        running = [(x, pid) for x, pid in programs if os.path.exists(f"/proc/{pid}")]
+        for name, pid in running:
+            if name.startswith(COMPONENT):
+                raise DeviceError(
+                    "another armcontour command uses HAL and may be moving the robot (its feeder "
+                    f"is process {pid}). Wait until it has ended, or end it with q on its terminal"
+                )
+        if running:
+            name, pid = running[0]
+            raise DeviceError(
+                f"HAL is in use by {name} (process {pid}), which may be moving the robot. End "
+                "LinuxCNC there first"
+            )
+        pid = real_time_process()
+        if pid:
+            raise DeviceError(
+                f"a program that has ended has left HAL loaded. If the robot rests, `kill {pid}` "
+                "unloads it"
+            )
+        return True
 
     def hold(self) -> Row:
         """Command the measured position, and return it."""
@@ -407,6 +441,19 @@ class LinuxCNCDevice:
                     hal.disconnect(signal["DRIVER"])
             with suppress(DeviceError):
                 self.halcmd("sets", name, "0")
+
+
+def real_time_process() -> str:
+    """Return the number of the process that runs HAL's threads; empty if none is found."""
+    name = os.path.basename(REAL_TIME_PROGRAM)
+    # A process with other shared memory, such as that of simulated drives, has a HAL of its own.
+    memory = os.readlink("/proc/self/ns/ipc")
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        with suppress(OSError), open(f"/proc/{pid}/comm") as file:
+            is_own = os.readlink(f"/proc/{pid}/ns/ipc") == memory
+            if is_own and file.read().strip().startswith(name):
+                return pid
+    return ""
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
-"""Stops on the path, within the limits, with the plan unchanged before the stop."""
+"""Stops and pauses on the path, within the limits, with the plan unchanged before the stop."""
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.planning import stop
 from armcontour.planning.constraints import FROM_LIMITS, Constraint, ToolAcceleration
-from armcontour.planning.stop_in_play import ShortenedLaw, plan_stop
+from armcontour.planning.override_ramps import override_of
 from armcontour.planning.topp.limit_forms import Form
 from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 
@@ -16,6 +16,24 @@ POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350
 TIMES = np.linspace(0.02, 0.98, 17)
 # The paper's method may exceed a limit by 1e-5 itself.
 ROUNDING = 1e-5
+
+
+CYCLE = 1e-3
+
+
+class Stopped(NamedTuple):
+    """A motion that stops, and the time at which its plan is where it ends [s]."""
+
+    trajectory: ac.Trajectory
+    end: float
+
+
+def stopped_at(plan: ac.Trajectory, t: float) -> Stopped:
+    """The motion that is played if a stop is requested at a time [s]."""
+    override = override_of(plan, CYCLE, for_play=False)
+    pace = override.begin(1.0, delay=t)
+    paused = override.change(pace, t, 0.0) if t < pace.scaling.end else pace
+    return Stopped(paused.scaling.trajectory(plan), paused.end_of_plan)
 
 
 def _plan(method: str) -> ac.Trajectory:
@@ -37,14 +55,14 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
     plan = _plan(method)
     assert plan.arm is not None and plan.limits is not None and plan.path is not None
     for t in TIMES * plan.duration:
-        early = plan_stop(plan, float(t))
+        early = stopped_at(plan, float(t))
         stopped = early.trajectory
         assert t <= stopped.duration <= plan.duration + 1e-9
         # The stop ends where the plan is at a time that is not after the end of the stop.
         assert t <= early.end <= stopped.duration + 1e-9
         np.testing.assert_allclose(stopped(stopped.duration), plan(early.end), atol=1e-8)
         before = np.linspace(0, t, 50, endpoint=False)
-        np.testing.assert_array_equal(stopped(before, 0), plan(before, 0))
+        np.testing.assert_allclose(stopped(before, 0), plan(before, 0), rtol=0, atol=1e-12)
         result = ac.check(stopped, plan.arm, plan.limits, plan.path)
         assert max(x.ratio for x in result.uses) < 1 + ROUNDING, (t, result)
         assert result.end_speeds[1] < 1e-9
@@ -53,27 +71,13 @@ def test_a_stop_stays_on_the_path_within_the_limits_and_ends_at_rest(method: str
         assert result.path_deviation.distance < own.path_deviation.distance + 1e-8
 
 
-def test_stop_can_be_evaluated_at_its_end_despite_rounding_of_its_duration() -> None:
-    """The end of a cut law may exceed its last break by a rounding error."""
-    plan = _plan("optimal")
-    for law in plan.laws:
-        last = float(law.breaks[-1])
-        for end in (last, np.nextafter(last, np.inf), last * (1 + 4e-16)):
-            cut = ac.Trajectory(laws=(ShortenedLaw.cut(law, float(end)),), method="stop")
-            np.testing.assert_allclose(cut(cut.duration), plan(last, side="left"), rtol=1e-12)
-    random = np.random.default_rng(0)
-    for t in random.uniform(0.01, 0.99, 60) * plan.duration:
-        stopped = stop(plan, float(t))
-        assert np.abs(stopped(stopped.duration, 1)).max() < 1e-9
-
-
 def test_the_stop_brakes_with_the_joint_limit_less_the_reserve() -> None:
     """On a straight line at uniform speed, one joint brakes with its limit less the reserve."""
     plan = _plan("optimal")
     line = ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]], [0.0, 1.0, 2.0])
     limits = ac.Limits(joint_velocity=1.0, joint_acceleration=2.0)
     motion = ac.plan(line, plan.arm, limits, ac.Optimal(reserve=0.01))
-    stopped = stop(motion, motion.duration / 2)
+    stopped = stopped_at(motion, motion.duration / 2).trajectory
     assert stopped.duration - motion.duration / 2 == pytest.approx(0.5, rel=0.01)
 
 
@@ -95,11 +99,14 @@ def test_a_stop_with_jerk_limits_takes_at_most_twice_the_fastest_time() -> None:
         v, _ = motion(float(t), 1)
         a, _ = motion(float(t), 2)
         fastest = _fastest_duration(v, a, 0.5, 1.0)
-        stopped = stop(motion, float(t))
+        stopped = stopped_at(motion, float(t)).trajectory
         duration = stopped.duration - t
         assert fastest - 1e-6 < duration < max(2 * fastest, 0.03), (t, duration, fastest)
-        result = ac.check(stopped, arm, limits)
-        assert max(x.ratio for x in result.uses) < 1 + ROUNDING
+        # As a controller with a cycle of 4 ms sees it.
+        step = 4e-3
+        acceleration = stopped.motion(np.arange(0.0, stopped.duration, step), 2)[2]
+        assert np.abs(acceleration).max() < 0.5 * (1 + ROUNDING)
+        assert np.abs(np.diff(acceleration, axis=0)).max() / step < 1.0 * (1 + ROUNDING)
 
 
 def test_a_stop_at_a_rest_or_end_of_a_program_takes_no_time() -> None:
@@ -115,12 +122,15 @@ def test_a_stop_at_a_rest_or_end_of_a_program_takes_no_time() -> None:
     plan = ac.plan(program, arm, limits, ac.Optimal(reserve=0.05))
     rapid = next(x for x in plan.spans if x.kind == "rapid")
     inside = sum(rapid.t) / 2
-    stopped = stop(plan, inside)
+    stopped = stopped_at(plan, inside).trajectory
     assert inside < stopped.duration < rapid.t[1]
     result = ac.check(stopped, arm, limits)
     assert not result.violated and result.end_speeds[1] < 1e-9
-    assert stop(plan, rapid.t[0]).duration == pytest.approx(rapid.t[0])
-    assert stop(plan, plan.duration).duration == plan.duration
+    for t in (rapid.t[0], plan.duration):
+        stopped, end = stopped_at(plan, t)
+        # A change of the override takes a cycle.
+        assert t - 1e-9 < end < t + CYCLE
+        assert t - 1e-9 < stopped.duration < t + 3 * CYCLE
 
 
 class OwnToolAcceleration(Constraint):
@@ -146,10 +156,10 @@ class OwnToolAcceleration(Constraint):
 def test_stop_keeps_the_limit_of_an_added_constraint(monkeypatch: pytest.MonkeyPatch) -> None:
     """A new constraint restricts stops unless it says that they need not consider it."""
     kinds = [OwnToolAcceleration if x is ToolAcceleration else x for x in FROM_LIMITS]
-    monkeypatch.setattr("armcontour.planning.stop_in_play.FROM_LIMITS", tuple(kinds))
+    monkeypatch.setattr("armcontour.planning.override.FROM_LIMITS", tuple(kinds))
     plan = _plan("tool")
     for t in TIMES * plan.duration:
-        stopped = stop(plan, float(t))
+        stopped = stopped_at(plan, float(t)).trajectory
         times = np.linspace(0.0, stopped.duration, 2001)
         tool = plan.arm.tool_position(stopped(times))
         step = times[1] - times[0]

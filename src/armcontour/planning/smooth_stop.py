@@ -1,120 +1,43 @@
-"""Stops on the path: a trajectory that ends early, at rest, within its limits.
+"""Stops of motions with limits of jerk: on the path, with a cubic speed in joint space.
 
-The joints move through `q(tau(t))`, where q is the plan, tau is the time of the plan, and dtau/dt
-decreases from 1 to 0. Therefore the tool stays on its path and no speed exceeds the plan, and every
-plan can be stopped: contours and rapids, with laws of any method.
+The joints move through `q(tau(t))`, where q is the motion, tau is its time, and dtau/dt decreases
+to 0. Therefore the tool stays on its path, and no speed exceeds that of the motion.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.errors import NotRealizable
-from armcontour.core.fields import checked
-from armcontour.core.quantities import Time
-from armcontour.motion import JointPath, Law, PathLaw, Trajectory, arm_of
+from armcontour.core.checks import FloatArray
+from armcontour.motion import JointPath, Trajectory
 from armcontour.motion.time_scaling import TimeScaling
-from armcontour.planning.constraints import FROM_LIMITS, Constraint
 from armcontour.planning.jerk.interior_point import NODES, WEIGHTS
-from armcontour.planning.optimal_timing import Optimal, plan_optimal
-from armcontour.planning.topp.limit_forms import Ceiling, Form
-from armcontour.planning.topp.sampled_joint_path import SampledJointPath
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
-from armcontour.robot.limits import reduce_limits
 
 # Longest piece of the joint path over time [s]; its quintics are within 1e-10 rad of the plan.
 MAX_PIECE = 2e-3
 # Pieces shorter than this are rounding errors of the times of breaks [s].
 SHORTEST_PIECE = MAX_PIECE * 1e-6
-# Relative precision of the duration of a stop with limits of jerk
+# Relative precision of the duration of a stop
 PRECISION = 0.02
-# Delays of a stop with limits of jerk that are tried, as fractions of the time from the request to
+# Delays of a stop that are tried, as fractions of the time from the request to
 # its end. If the jerk of the plan is at its limit, a stop that begins immediately can take many
 # times longer.
 DELAYS = (0.0, 0.25, 0.5)
 # A plan is at rest if no joint is faster than this [rad/s].
 REST_JOINT_SPEED = 1e-6
-# At first, a stop has a reserve that is smaller than that of the plan by this fraction of the
-# limits, because the grid of the stop has other margins than the grid of the plan.
-RESERVE_REDUCTION = 0.01
-# Number of grid intervals of a stop without limits of jerk
-STOP_INTERVALS = 200
-# Stop with limits of jerk: numbers of states in the first and the second check of a stop.
+# Numbers of states in the first and the second check of a stop.
 CHECKED_STATES = (40, 500)
-# Stop with limits of jerk: first duration that is tried [s].
+# First duration that is tried [s].
 FIRST_DURATION = 0.02
 # Number of iterations of Newton's method for the time at a length of the path.
 NEWTON_ITERATIONS = 2
 # Rounding error of dtau/dt, of speeds as fractions of the initial speed of a stop, and of times as
 # fractions of its duration.
 STOP_ROUNDING = 1e-6
-# Relative difference below which a break of a law and the end of its beginning are equal.
-SAME_BREAK = 1e-12
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EarlyStop:
-    """A trajectory that ends early, on the path of its plan.
-
-    Args:
-        trajectory: The trajectory, as of `stop`.
-        end: Time at which the plan is where the stop ends [s].
-    """
-
-    trajectory: Trajectory
-    end: float
-
-
-@checked
-def stop(trajectory: Trajectory, t: Time) -> Trajectory:
-    """Stop a trajectory on its path within its limits, from a given time on.
-
-    With limits of jerk, the speed in joint space is one cubic polynomial, which begins later than
-    `t` if the stop then ends earlier. Without limits of jerk, the stop is the fastest one.
-
-    Args:
-        trajectory: A plan with arm and limits. With a reserve below 1 %, a stop that begins where a
-            limit is active may be impossible until the plan leaves that limit.
-        t: Time at which the stop begins [s].
-
-    Returns:
-        The laws until the stop begins and a law that ends at rest, without spans and events. If
-        the limits allow no earlier stop, the plan until it is at rest.
-
-    Raises:
-        InvalidInput: The trajectory has no arm.
-    """
-    return plan_stop(trajectory, t).trajectory
-
-
-def plan_stop(trajectory: Trajectory, t: float) -> EarlyStop:
-    """Return the `stop` of a trajectory, and where it ends.
-
-    - `t`: time at which the stop begins [s].
-    """
-    arm = arm_of(trajectory)
-    limits = trajectory.limits_for(None)
-    rest = next_rest(trajectory, t)
-    if np.abs(trajectory(min(t, rest), 1)).max() < REST_JOINT_SPEED:
-        end = min(t, rest)
-        return EarlyStop(trajectory=_cut_at(trajectory, end), end=end)
-    joint_path = path_over_time(trajectory, t, rest)
-    inner = trajectory.smooth_breaks
-    jumps = inner[(inner > t) & (inner < rest)] - t
-    find = partial(smooth_stop, jumps) if limits.limits_jerk else _fastest_stop
-    # A part of the reserve is used first, then all of it.
-    for reserve in sorted({max(trajectory.reserve - RESERVE_REDUCTION, 0.0), 0.0}, reverse=True):
-        found = find(joint_path, arm, reduce_limits(limits, reserve))
-        if found is not None and found.delay + found.law.breaks[-1] < rest - t:
-            begin = _cut_at(trajectory, t + found.delay)
-            stopped = replace(begin, laws=(*begin.laws, found.law))
-            return EarlyStop(trajectory=stopped, end=t + found.end)
-    return EarlyStop(trajectory=_cut_at(trajectory, rest), end=rest)
 
 
 def next_rest(trajectory: Trajectory, t: float) -> float:
@@ -123,42 +46,6 @@ def next_rest(trajectory: Trajectory, t: float) -> float:
     times = np.append(times[times > t], trajectory.duration)
     speeds = np.abs(trajectory(times, 1, side="left")).max(axis=1)
     return float(times[np.argmax(speeds < REST_JOINT_SPEED)])
-
-
-def _cut_at(trajectory: Trajectory, t: float) -> Trajectory:
-    """Cut a trajectory at a time; the result has no spans and no events."""
-    plain = replace(trajectory, stretches=(), spans=(), events=(), waits=())
-    if t >= trajectory.duration:
-        return plain
-    k = max(int(np.searchsorted(trajectory.starts, t)) - 1, 0)
-    end = t - float(trajectory.starts[k])
-    if not end:
-        return plain
-    return replace(plain, laws=(*trajectory.laws[:k], ShortenedLaw.cut(trajectory.laws[k], end)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShortenedLaw(Law):
-    """The beginning of another law.
-
-    Args:
-        law: The law.
-        breaks: Breaks of `law` before the end, from 0, and the end [s], (n + 1,).
-    """
-
-    law: Law
-    breaks: FloatArray
-
-    @classmethod
-    def cut(cls, law: Law, end: float) -> ShortenedLaw:
-        """Shorten a law to end at a time [s]."""
-        # The end may exceed the last break by a rounding error, after which there is no interval.
-        starts = law.breaks[:-1]
-        return cls(law=law, breaks=np.append(starts[starts < end * (1 - SAME_BREAK)], end))
-
-    def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
-        """Return the joint positions of the law or their derivative of the given order."""
-        return self.law.on_interval(i, t, order)
 
 
 def path_over_time(
@@ -188,62 +75,15 @@ def path_over_time(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StopLaw:
-    """Law of a stop along a path over time.
-
-    - `delay`: time from the request to the start of the law [s].
-    - `law`: the law, which ends at rest.
-    - `end`: parameter of the path at which the law ends [s].
-    - `scaling`: parameter of the path over the time since the request; None for the fastest stop.
-    """
-
-    delay: float
-    law: Law
-    end: float
-    scaling: TimeScaling | None = None
-
-
-class _PlanSpeed(Constraint):
-    """Limit of the speed to the speed of the plan, dtau/dt <= 1."""
-
-    name = "speed of the plan"
-
-    def discretize(self, path: SampledJointPath) -> tuple[Form, ...]:
-        """Return the upper bound 1 of (dtau/dt)² at both ends of every interval."""
-        return (Ceiling(np.ones((len(path.grid.s) - 1, 2))),)
-
-
-def _fastest_stop(joint_path: JointPath, arm: Arm, limits: Limits) -> StopLaw | None:
-    """Plan the fastest stop, on the shortest feasible part of a path; None if infeasible."""
-    braking = (x.from_limits(joint_path, arm, limits) for x in FROM_LIMITS if x.brakes)
-    constraints = (_PlanSpeed(), *(x for x in braking if x is not None))
-    options = Optimal(constraints=constraints, start_speed=1.0, intervals=STOP_INTERVALS)
-    law = None
-    low = 0
-    high = len(joint_path.breaks) - 1
-    # The stop ends at the end of the shortest feasible part.
-    while high - low > 1:
-        middle = (low + high) // 2
-        part = JointPath(
-            breaks=joint_path.breaks[: middle + 1], coefficients=joint_path.coefficients[:middle]
-        )
-        try:
-            (law,) = plan_optimal(part, arm, limits.of_joints, options).laws
-            high = middle
-        except NotRealizable:
-            low = middle
-    if law is None:
-        return None
-    return StopLaw(delay=0.0, law=law, end=float(joint_path.breaks[high]))
-
-
 def smooth_stop(
     jumps: FloatArray, joint_path: JointPath, arm: Arm, limits: Limits
-) -> StopLaw | None:
+) -> TimeScaling | None:
     """Search for the earliest stop with a cubic speed; None if no stop is feasible.
 
-    Derivatives of the path may be discontinuous at its parameters `jumps`.
+    - `jumps`: times at which derivatives of the motion may be discontinuous [s], (n,).
+    - `joint_path`: the motion over its time, as of `path_over_time`, which begins with the request.
+
+    Returns the time of this motion over the time since the request.
     """
     lengths = _joint_lengths(joint_path)
     jump_lengths = _length_until(joint_path, lengths, jumps)
@@ -289,12 +129,7 @@ def smooth_stop(
     times = speed.times(CHECKED_STATES[-1], jump_lengths)
     passage = _passage(joint_path, lengths, speed, times)
     assert passage is not None
-    return StopLaw(
-        delay=delay,
-        law=PathLaw.over_time(stopped),
-        end=float(passage.scaling(passage.scaling.end)),
-        scaling=passage.scaling.delayed(delay),
-    )
+    return passage.scaling.delayed(delay)
 
 
 @dataclass(frozen=True, slots=True)
