@@ -33,7 +33,7 @@ NEEDS = {
     "drawings": ("ezdxf", ["show a.dxf", "run a.dxf --cell ur5e --out out"]),
     "studio": ("uvicorn", ["studio --no-open"]),
     "ros": (
-        "rosbags.rosbag2",
+        "rosbags",
         ["identify a.mcap", "check a.db3 --arm ur5e", "run job.yaml --out out --export mcap"],
     ),
 }

@@ -153,7 +153,7 @@ def test_the_exit_code_is_1_if_no_run_is_kept(tmp_path, run):
 
 def test_an_option_with_one_value_can_be_given_only_once(tmp_path, refused):
     calls = {
-        "--log": "learn job.yaml --set-points out --log a.csv --log b.csv",
+        "--set-points": "learn job.yaml --set-points a --set-points b --log a.csv",
         "--limits": "check a.csv --limits a.yaml --arm ur5e --limits b.yaml",
         "--out": "run job.yaml -o a --out b",
     }

@@ -16,6 +16,12 @@ MODULE = endless_reader.__name__
 SMALL = ReaderLimits(library="It", processor_time=1, duration=60, memory=2 * 10**8)
 
 
+@pytest.fixture(autouse=True)
+def reader_is_found(monkeypatch):
+    """The process imports the reader of these tests."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+
 def left_folders(folder):
     return [str(x) for x in Path(folder).iterdir()]
 
