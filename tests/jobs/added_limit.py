@@ -107,7 +107,8 @@ def facts():
 
     import armcontour as ac
     from armcontour.core.render import limit_style
-    from armcontour.planning import explain, stop
+    from armcontour.planning import explain
+    from armcontour.planning.override_ramps import override_of
 
     def job_of(limit, method="optimal"):
         return ac.files.parse_job(JOB.replace("LIMIT", limit).replace("METHOD", method))
@@ -122,7 +123,11 @@ def facts():
     free = ac.run(job_of("inf")).runs["only"].trajectory
     smooth = ac.run(job_of("100 mm/s², joint_jerk: 30")).runs["only"].trajectory
     certificate = ac.certify(job)
-    stops = [stop(trajectory, x * trajectory.duration) for x in (0.2, 0.4, 0.6)]
+    override = override_of(trajectory, 1e-3, for_play=False)
+    stops = []
+    for t in (0.2 * trajectory.duration, 0.4 * trajectory.duration, 0.6 * trajectory.duration):
+        paused = override.change(override.begin(1.0, delay=t), t, 0.0)
+        stops.append(paused.scaling.trajectory(trajectory))
     yield (
         "along",
         {

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from tests.files import endless_reader
+from tests.slow.files import endless_reader
 
 from armcontour.files.reader_process import ReaderFailed, ReaderLimits, read_in_process
 
@@ -19,7 +19,7 @@ SMALL = ReaderLimits(library="It", processor_time=1, duration=60, memory=2 * 10*
 @pytest.fixture(autouse=True)
 def reader_is_found(monkeypatch):
     """The process imports the reader of these tests."""
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
 
 
 def left_folders(folder):
