@@ -16,15 +16,15 @@ from armcontour.core.render import plain
 from armcontour.files.job_file import job_text
 from armcontour.files.job_patch import Patch
 from armcontour.files.measured_job import (
+    measure_part_of,
     measured_job_text,
-    measured_region,
     part_patch,
     tool_patch,
     work_patch,
 )
 from armcontour.files.touch_file import Touches, read_doubts, read_touches
 from armcontour.jobs import Job
-from armcontour.robot.measurement import Measurement, measure_part, measure_tool
+from armcontour.robot.measurement import Measurement, measure_tool
 
 
 def measure(options: Measure, _: None, progress: Progress) -> Outcome:
@@ -73,15 +73,7 @@ def _measure(
             job.arm, touches.q, noise=noise, planned=job.arm.chain.tool, accept=accept
         )
         return tool, tool_patch(job, tool, text)
-    part = measure_part(
-        job.arm,
-        touches.points,
-        touches.q,
-        noise=noise,
-        region=measured_region(job),
-        planned=job.part,
-        accept=accept,
-    )
+    part = measure_part_of(job, touches, noise=noise, accept=accept)
     patch = work_patch(job, part) if options.target == "work" else part_patch(part)
     return part, patch
 

@@ -1,8 +1,9 @@
-"""Text of a job file with a measured frame: of part, work frame or tool."""
+"""A measured part of a job, and the text of its file with a measured frame or tool."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,9 +16,10 @@ from armcontour.core.yaml_loader import load
 from armcontour.files.frame_keys import frame_keys
 from armcontour.files.job_patch import Patch, write_patch
 from armcontour.files.job_text_edits import move_files, value_at
+from armcontour.files.touch_file import Touches
 from armcontour.jobs import Job
 from armcontour.robot import SerialArm
-from armcontour.robot.measurement import MeasuredPart, MeasuredTool
+from armcontour.robot.measurement import MeasuredPart, MeasuredTool, measure_part
 
 # Keys of a rotation in a frame of a job file.
 ROTATIONS = ("rpy", "quaternion")
@@ -25,7 +27,22 @@ ROTATIONS = ("rpy", "quaternion")
 MAX_REGION = 200
 
 
-def measured_region(job: Job) -> FloatArray:
+def measure_part_of(
+    job: Job, touches: Touches, *, noise: float, accept: Collection[str]
+) -> MeasuredPart:
+    """Measure the part of a job; arguments and errors as in `measure_part`."""
+    return measure_part(
+        job.arm,
+        touches.points,
+        touches.q,
+        noise=noise,
+        region=_measured_region(job),
+        planned=job.part,
+        accept=accept,
+    )
+
+
+def _measured_region(job: Job) -> FloatArray:
     """Return up to MAX_REGION points of the contours as drawn [m], (n, dimension)."""
     drawn = job.program.placed(job.part.inverse)
     points = np.concatenate([x.path.vertices for x in drawn.contours])

@@ -25,25 +25,18 @@ def measure(request: Request) -> MessageFrame:
     Options: `rows`, the texts of the table of touches; `noise`, the noise of a touch as text, in mm
     without a unit; `accept`, the names of doubts to accept, separated by commas.
     """
-    from armcontour.files.measured_job import measured_region, part_patch
+    from armcontour.files.measured_job import measure_part_of, part_patch
     from armcontour.files.touch_file import read_doubts, read_touch_rows, read_typed
     from armcontour.report.view import in_space
-    from armcontour.robot.measurement import TOUCH_NOISE, measure_part
+    from armcontour.robot.measurement import TOUCH_NOISE
 
     rows = _read_rows(request.option("rows", []))
     noise = request.option("noise", "")
     job = request.job
     touches = read_touch_rows(rows, job.arm)
     sigma = read_typed("The noise of a touch", str(noise), "mm") if noise else TOUCH_NOISE
-    measured = measure_part(
-        job.arm,
-        touches.points,
-        touches.q,
-        noise=sigma,
-        region=measured_region(job),
-        planned=job.part,
-        accept=read_doubts(str(request.option("accept", ""))),
-    )
+    accept = read_doubts(str(request.option("accept", "")))
+    measured = measure_part_of(job, touches, noise=sigma, accept=accept)
     touched = job.arm.tool_position(touches.q)
     edits = [
         {"do": "set", "key": list(key), "value": value}
